@@ -1,0 +1,52 @@
+// One camera: lens, picture size, where it hangs, and how well all that is known.
+#pragma once
+#include <Eigen/Core>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "vss/camera/lens.h"
+#include "vss/geometry/rigid_transform.h"
+
+namespace vss {
+
+enum class Response { kLinear, kSrgb };  // how grey values follow light
+
+// What a calibration knows of its own quality. Order of the parameters: fx, fy, cx, cy (px), the given distortion
+// coefficients, then, where the camera has a place, rotation (rad, cam_from_world <- exp(w) cam_from_world) and
+// translation of cam_from_world (mm).
+struct CalibrationQuality {
+  double residual_px = 0;
+  int num_views = 0;
+  Eigen::MatrixXd covariance;             // square over the parameters above; empty where unknown
+  std::vector<std::string> warnings;      // sentences that every later step repeats
+};
+
+struct Camera {
+  std::string id;
+  int width_px = 0, height_px = 0;
+  Response response = Response::kLinear;
+  Intrinsics intrinsics;
+  std::optional<RigidTransform> cam_from_world;                // at gantry displacement `gantry_mm`
+  Eigen::Vector3d gantry_mm = Eigen::Vector3d::Zero();
+  std::optional<CalibrationQuality> quality;
+};
+
+// The carriage: at displacement g every camera has moved by axes * g in the world.
+struct Gantry {
+  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
+
+  // cam_from_world at displacement `g` of a camera that has a place of its own.
+  RigidTransform CamFromWorld(const Camera& camera, const Eigen::Vector3d& g_mm) const {
+    RigidTransform moved = *camera.cam_from_world;
+    moved.translation -= moved.rotation * (axes * (g_mm - camera.gantry_mm));
+    return moved;
+  }
+};
+
+// Format vss-camera/1. Errors name the file, the line and the remedy.
+Result<Camera> ReadCamera(const std::filesystem::path& path);
+std::string CameraToToml(const Camera& camera);
+
+}  // namespace vss

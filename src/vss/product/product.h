@@ -1,0 +1,83 @@
+// Product definition data: the parts of a workpiece, where they lie, how large they are, how sure we are.
+#pragma once
+#include <Eigen/Core>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "vss/geometry/rigid_transform.h"
+
+namespace vss {
+
+struct DimensionValue {
+  std::string name;
+  double value_mm = 0, sigma_mm = 0;
+  bool observable = true;
+  std::string origin;  // where a value that was not observed comes from: a sentence
+};
+
+struct ProductCircle {
+  Eigen::Vector3d center, normal;  // world
+  double radius_mm = 0;
+};
+
+// Which line of which picture was taken for which contour edge of the part: indices into the picture's line image
+// and into the solid's edges (or arcs and circles where `is_arc`).
+struct ContourMatch {
+  int image = 0, line = 0, edge = 0;
+  bool is_arc = false;
+  double residual_px = 0;
+};
+
+struct RunnerUp {
+  std::string kind;
+  double log_odds = 0;
+};
+
+struct Part {
+  std::string id, kind;
+  std::string source = "automatic";  // "automatic", "corrected" or "manual"
+  std::string resting_pose;
+  RigidTransform world_from_part;
+  double yaw_rad = 0;
+  std::vector<DimensionValue> dimensions;
+  std::vector<Eigen::Vector3d> vertices, vertex_sigma;  // world, mm
+  std::vector<std::array<int, 2>> edges;                // pairs of vertices
+  std::vector<ProductCircle> circles;
+  std::string stands_on = "ground";                     // "ground" or a part's id
+  std::vector<int> images;                              // indices of the pictures that were used
+  std::vector<ContourMatch> matches;
+  Eigen::MatrixXd covariance;  // of (x, y, z mm, rotation vector rad in world, dimensions mm)
+  double residual_px = 0;
+  bool doubtful = false;
+  double log_odds = 0;
+  std::optional<RunnerUp> runner_up;
+};
+
+// A place where two parts touch along a line, to be welded. Normals (unit, world) of the two faces that meet.
+struct Seam {
+  std::string part_a, part_b;
+  Eigen::Vector3d start, end;
+  Eigen::Vector3d normal_a, normal_b;
+};
+
+// Lines that look like an object which no knowledge base describes.
+struct UnknownGroup {
+  Eigen::Vector3d center, extent;  // world, mm
+  int num_lines = 0;
+};
+
+struct Product {
+  std::string survey;
+  std::vector<Part> parts;
+  std::vector<Seam> seams;
+  std::vector<UnknownGroup> unknown;
+  std::vector<std::string> warnings;
+};
+
+// Format vss-product/1. `image_files`: the pictures' names as in the survey file, by index.
+std::string ProductToJson(const Product& product, const std::vector<std::string>& image_files);
+Result<Product> ReadProduct(const std::filesystem::path& path, const std::vector<std::string>& image_files);
+
+}  // namespace vss
