@@ -1,0 +1,216 @@
+#include "vss/identify/contour.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vss {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+// Does the segment eye + s * d, s in (0, limit), meet the triangle? (Moeller, Trumbore 1997.)
+bool Meets(const Vector3d& eye, const Vector3d& d, double limit, const std::array<Vector3d, 3>& t) {
+  const Vector3d e1 = t[1] - t[0], e2 = t[2] - t[0], h = d.cross(e2);
+  const double det = e1.dot(h);
+  if (std::abs(det) < 1e-12) return false;
+  const Vector3d s = eye - t[0];
+  const double u = s.dot(h) / det;
+  if (u < 0 || u > 1) return false;
+  const Vector3d q = s.cross(e1);
+  const double v = d.dot(q) / det;
+  if (v < 0 || u + v > 1) return false;
+  const double along = e2.dot(q) / det;
+  return along > 0 && along < limit;
+}
+
+// A point on an edge lies on its own faces: rays stop this far before it, so that it does not hide itself.
+constexpr double kSelfMarginMm = 0.5;
+
+struct Sampler {
+  const WorldSolid& solid;
+  const View& view;
+  double spacing_px;
+  int min_samples;
+  const Occluders* others;
+  Occluders self;
+  std::vector<bool> front;
+  std::vector<ContourSample> samples;
+
+  Sampler(const WorldSolid& s, const View& v, double spacing, int least, const Occluders* o)
+      : solid(s), view(v), spacing_px(spacing), min_samples(least), others(o) {
+    self.Add(solid, 0);
+    front.resize(solid.faces.size());
+    for (std::size_t i = 0; i < solid.faces.size(); ++i) {
+      const auto& f = solid.faces[i];
+      front[i] = f.is_cylinder || f.triangles.empty() ||
+                 f.normal_in_part.dot(view.center_in_world - f.triangles[0][0]) > 0;
+    }
+  }
+
+  bool FaceFront(int face, const Vector3d& at) const {
+    const auto& f = solid.faces[static_cast<std::size_t>(face)];
+    if (!f.is_cylinder) return front[static_cast<std::size_t>(face)];
+    Vector3d out = at - f.axis_point;
+    out -= f.axis_direction * f.axis_direction.dot(out);
+    return (f.is_hole ? -1.0 : 1.0) * out.dot(view.center_in_world - at) > 0;
+  }
+
+  void Add(ContourSample sample, const Vector3d& tangent, int face_a, int face_b) {
+    const auto img = view.ProjectInside(sample.point_in_world);
+    if (!img) return;
+    const bool a = FaceFront(face_a, sample.point_in_world), b = FaceFront(face_b, sample.point_in_world);
+    if (!a && !b && sample.source != ContourSample::Source::kLimb) return;
+    const auto ideal = view.ProjectIdeal(sample.point_in_world);
+    const double step = 1e-3 * (sample.point_in_world - view.center_in_world).norm();
+    const auto ahead = view.ProjectIdeal(sample.point_in_world + step * tangent);
+    if (!ideal || !ahead) return;
+    const Vector2d direction = *ahead - *ideal;
+    if (direction.norm() < 1e-9) return;
+    sample.img = *img;
+    sample.ideal = *ideal;
+    sample.ideal_tangent = direction.normalized();
+    sample.silhouette = a != b || sample.source == ContourSample::Source::kLimb;
+    sample.visible = self.Free(view.center_in_world, sample.point_in_world, kSelfMarginMm) &&
+                     (!others || others->Free(view.center_in_world, sample.point_in_world, kSelfMarginMm));
+    samples.push_back(sample);
+  }
+
+  int Count(double length_px) const {
+    return std::max(min_samples, static_cast<int>(length_px / spacing_px));
+  }
+
+  double LengthPx(const Vector3d& a, const Vector3d& b) const {
+    const double depth = ((a + b) / 2 - view.center_in_world).norm();
+    return (b - a).norm() * view.camera->intrinsics.fx_px / std::max(depth, 1.0);
+  }
+
+  void Edges() {
+    for (std::size_t i = 0; i < solid.edges.size(); ++i) {
+      const auto& e = solid.edges[i];
+      const Vector3d& a = solid.vertices[static_cast<std::size_t>(e.start)].point;
+      const Vector3d& b = solid.vertices[static_cast<std::size_t>(e.end)].point;
+      const int n = Count(LengthPx(a, b));
+      for (int k = 0; k < n; ++k) {
+        ContourSample s;
+        s.index = static_cast<int>(i);
+        s.t = (k + 0.5) / n;
+        s.point_in_world = a + s.t * (b - a);
+        Add(s, (b - a).normalized(), e.left_face, e.right_face);
+      }
+    }
+  }
+
+  void Circles() {
+    for (std::size_t i = 0; i < solid.circles.size(); ++i) {
+      const auto& c = solid.circles[i];
+      const int n = std::max(8, Count(LengthPx(Vector3d::Zero() + c.center.point,
+                                               c.center.point + c.axis_u * (2 * kPi * c.radius_mm))));
+      for (int k = 0; k < n; ++k) {
+        ContourSample s;
+        s.source = ContourSample::Source::kCircle;
+        s.index = static_cast<int>(i);
+        s.t = 2 * kPi * (k + 0.5) / n;
+        const Vector3d out = c.axis_u * std::cos(s.t) + c.axis_v * std::sin(s.t);
+        s.point_in_world = c.center.point + c.radius_mm * out;
+        Add(s, c.normal.cross(out), c.plane_face, c.cylinder_face);
+      }
+    }
+  }
+
+  // The two lines along which a whole cylinder turns away from the camera; its ends are its two rims.
+  void Limbs() {
+    for (std::size_t i = 0; i < solid.faces.size(); ++i) {
+      const auto& f = solid.faces[i];
+      if (!f.is_cylinder || f.is_hole) continue;
+      std::vector<const WorldSolid::Circle*> rims;
+      for (const auto& c : solid.circles)
+        if (c.cylinder_face == static_cast<int>(i)) rims.push_back(&c);
+      if (rims.size() != 2) continue;
+      const Vector3d& axis = f.axis_direction;
+      Vector3d to_eye = view.center_in_world - rims[0]->center.point;
+      to_eye -= axis * axis.dot(to_eye);
+      const double distance = to_eye.norm(), radius = rims[0]->radius_mm;
+      if (distance <= radius) continue;  // the camera looks down the axis
+      const double along = radius / distance;
+      const Vector3d forward = to_eye / distance, side = axis.cross(forward);
+      for (int sign : {-1, 1}) {
+        const Vector3d out = forward * along + side * (sign * std::sqrt(1 - along * along));
+        const Vector3d a = rims[0]->center.point + out * radius, b = rims[1]->center.point + out * radius;
+        const int n = Count(LengthPx(a, b));
+        for (int k = 0; k < n; ++k) {
+          ContourSample s;
+          s.source = ContourSample::Source::kLimb;
+          s.index = static_cast<int>(i);
+          s.limb_side = sign;
+          s.t = (k + 0.5) / n;
+          // A hair outside the faceted cylinder, which would else hide its own limb.
+          s.point_in_world = a + s.t * (b - a) + out * kSelfMarginMm;
+          Add(s, (b - a).normalized(), static_cast<int>(i), static_cast<int>(i));
+        }
+      }
+    }
+  }
+};
+
+}  // namespace
+
+void Occluders::Add(const WorldSolid& solid, int owner) {
+  Body body;
+  body.owner = owner;
+  Eigen::AlignedBox3d box;
+  for (const auto& f : solid.faces)
+    for (const auto& t : f.triangles) {
+      body.triangles.push_back(t);
+      for (const auto& v : t) box.extend(v);
+    }
+  if (body.triangles.empty()) return;
+  body.center = box.center();
+  body.radius = box.sizes().norm() / 2;
+  bodies_.push_back(std::move(body));
+}
+
+bool Occluders::Free(const Vector3d& eye, const Vector3d& point, double margin_mm) const {
+  const Vector3d d = point - eye;
+  const double length = d.norm();
+  const double limit = 1 - margin_mm / std::max(length, margin_mm);
+  for (const auto& body : bodies_) {
+    const double along = std::clamp((body.center - eye).dot(d) / (length * length), 0.0, 1.0);
+    if ((eye + along * d - body.center).squaredNorm() > body.radius * body.radius) continue;
+    for (const auto& t : body.triangles)
+      if (Meets(eye, d, limit, t)) return false;
+  }
+  return true;
+}
+
+std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& view, double spacing_px,
+                                         int min_samples, const Occluders* others) {
+  Sampler sampler(solid, view, spacing_px, min_samples, others);
+  sampler.Edges();
+  sampler.Circles();
+  sampler.Limbs();
+  return std::move(sampler.samples);
+}
+
+Eigen::Matrix3Xd SampleByState(const WorldSolid& solid, const ContourSample& s) {
+  if (s.source == ContourSample::Source::kEdge) {
+    const auto& e = solid.edges[static_cast<std::size_t>(s.index)];
+    return (1 - s.t) * solid.vertices[static_cast<std::size_t>(e.start)].by_state +
+           s.t * solid.vertices[static_cast<std::size_t>(e.end)].by_state;
+  }
+  if (s.source == ContourSample::Source::kCircle) {
+    const auto& c = solid.circles[static_cast<std::size_t>(s.index)];
+    const Vector3d out = c.axis_u * std::cos(s.t) + c.axis_v * std::sin(s.t);
+    return c.center.by_state + out * c.radius_by_state;
+  }
+  const WorldSolid::Circle* rims[2] = {nullptr, nullptr};
+  int n = 0;
+  for (const auto& c : solid.circles)
+    if (c.cylinder_face == s.index && n < 2) rims[n++] = &c;
+  const Vector3d axis_point = rims[0]->center.point + s.t * (rims[1]->center.point - rims[0]->center.point);
+  const Vector3d out = (s.point_in_world - axis_point).normalized();
+  return (1 - s.t) * (rims[0]->center.by_state + out * rims[0]->radius_by_state) +
+         s.t * (rims[1]->center.by_state + out * rims[1]->radius_by_state);
+}
+
+}  // namespace vss

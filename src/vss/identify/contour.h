@@ -1,0 +1,54 @@
+// The visible contour of solids in a picture: which pieces of which edges are seen, with occlusion by all
+// parts.
+#pragma once
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "vss/identify/placed_object.h"
+#include "vss/identify/view.h"
+
+namespace vss {
+
+// One sample point on an edge, a rim or a cylinder's limb.
+struct ContourSample {
+  enum class Source { kEdge, kCircle, kLimb };
+  Source source = Source::kEdge;
+  int index = 0;  // edge, circle or cylinder face (limb)
+  double t = 0;   // edge: 0 at start, 1 at end; circle: angle in rad from axis_u; limb: 0 to 1 along the axis
+  int limb_side = 0;  // limb: -1 or 1
+  Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
+  Eigen::Vector2d ideal = Eigen::Vector2d::Zero();          // px without distortion
+  Eigen::Vector2d ideal_tangent = Eigen::Vector2d::Zero();  // unit, px, direction of the contour
+  Eigen::Vector2d img = Eigen::Vector2d::Zero();            // px as taken
+  bool visible = false;                                     // in the picture and hidden by nothing
+  bool silhouette = false;  // one of its two faces is turned away: the background is on one side
+};
+
+// What can hide: the triangles of solids, with a bounding sphere each.
+class Occluders {
+ public:
+  void Add(const WorldSolid& solid, int owner);
+  // Is the segment from `eye` to `point` (stopping `margin_mm` short of it) free?
+  bool Free(const Eigen::Vector3d& eye, const Eigen::Vector3d& point, double margin_mm) const;
+
+ private:
+  struct Body {
+    Eigen::Vector3d center;
+    double radius;
+    int owner;
+    std::vector<std::array<Eigen::Vector3d, 3>> triangles;
+  };
+  std::vector<Body> bodies_;
+};
+
+// Samples of the whole contour of `solid` in `view`, `spacing_px` apart (at least `min_samples` an edge),
+// whether visible or not; those outside the picture or facing away on both sides are left out. Hidden by:
+// `solid` itself, and `others` if given.
+std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& view, double spacing_px,
+                                         int min_samples, const Occluders* others = nullptr);
+
+// d point / d state of a sample (3 x StateSize) as a material point of its edge, rim or limb.
+Eigen::Matrix3Xd SampleByState(const WorldSolid& solid, const ContourSample& sample);
+
+}  // namespace vss

@@ -1,0 +1,1 @@
+#include "vss/identify/scene.h"

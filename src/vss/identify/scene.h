@@ -1,0 +1,43 @@
+// Identification over the whole scene: which objects of the knowledge base stand where.
+#pragma once
+#include <span>
+#include <string>
+#include <vector>
+
+#include "vss/base/parameters.h"
+#include "vss/base/progress.h"
+#include "vss/identify/placed_object.h"
+#include "vss/identify/view.h"
+#include "vss/product/product.h"
+
+namespace vss {
+
+struct IdentifyOptions {
+  double tolerance_px = 0;      // 0: from the pictures' sizes
+  double max_height_mm = 3000;  // nothing of the workpiece is higher
+  double accept_log_odds = 8;
+  double doubtful_log_odds = 20;
+};
+std::span<const ParameterOf<IdentifyOptions>> IdentifyParameters();
+
+// One object found, with which line of which picture is which contour.
+struct IdentifiedPart {
+  PlacedObject object;
+  int stands_on = -1;                 // index of another identified part, -1: the ground
+  std::vector<ContourMatch> matches;  // `image` is the index into the views
+  std::vector<int> views;             // that see it
+  double log_odds = 0;
+  bool doubtful = false;
+  std::optional<RunnerUp> runner_up;
+};
+
+struct SceneResult {
+  std::vector<IdentifiedPart> parts;
+  std::vector<UnknownGroup> unknown;
+};
+
+// Deterministic for any number of threads. An error only on cancel.
+Result<SceneResult> IdentifyScene(std::span<const View> views, const KnowledgeBase& knowledge,
+                                  const IdentifyOptions& options, int threads, const Progress& progress);
+
+}  // namespace vss

@@ -1,0 +1,31 @@
+// One picture as identification and reconstruction see it.
+#pragma once
+#include <Eigen/Core>
+#include <optional>
+
+#include "vss/camera/camera.h"
+#include "vss/feature/line_image.h"
+
+namespace vss {
+
+struct View {
+  int image = 0;  // index into the survey's pictures
+  const Camera* camera = nullptr;
+  RigidTransform cam_from_world;  // of this exposure
+  int stop = -1;  // pictures with the same number were taken with the carriage (and its lamps) at one place;
+                  // -1: none
+  const LineImage* lines = nullptr;
+  Eigen::Vector3d center_in_world = Eigen::Vector3d::Zero();
+
+  // World point (mm) to `ideal` px (no distortion); empty behind the camera.
+  std::optional<Eigen::Vector2d> ProjectIdeal(const Eigen::Vector3d& point_in_world) const;
+  // World point to `img` px; empty behind the camera, beyond the lens or outside the picture.
+  std::optional<Eigen::Vector2d> ProjectInside(const Eigen::Vector3d& point_in_world) const;
+  // Unit direction in the world of an `ideal` px.
+  Eigen::Vector3d RayOfIdeal(const Eigen::Vector2d& ideal) const;
+};
+
+View MakeView(int image, const Camera& camera, const RigidTransform& cam_from_world, int stop,
+              const LineImage* lines);
+
+}  // namespace vss
