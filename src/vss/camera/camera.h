@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "vss/base/toml_file.h"
 #include "vss/camera/lens.h"
 #include "vss/geometry/rigid_transform.h"
 
@@ -48,5 +49,9 @@ struct Gantry {
 // Format vss-camera/1. Errors name the file, the line and the remedy.
 Result<Camera> ReadCamera(const std::filesystem::path& path);
 std::string CameraToToml(const Camera& camera);
+
+// `rotation` and `translation` (mm) of a table, as cameras and pictures give them. The rotation may be off orthonormal
+// by 1e-3 and is made so; more is an error.
+Result<RigidTransform> ReadRigidTransform(const TomlValue& table);
 
 }  // namespace vss
