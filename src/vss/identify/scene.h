@@ -1,14 +1,15 @@
 // Identification over the whole scene: which objects of the knowledge base stand where.
 #pragma once
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "vss/base/parameters.h"
 #include "vss/base/progress.h"
+#include "vss/identify/evidence.h"
 #include "vss/identify/placed_object.h"
 #include "vss/identify/view.h"
-#include "vss/product/product.h"
 
 namespace vss {
 

@@ -1,18 +1,21 @@
 // Product definition data: the parts of a workpiece, where they lie, how large they are, how sure we are.
 #pragma once
 #include <Eigen/Core>
+#include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "vss/geometry/rigid_transform.h"
+#include "vss/identify/evidence.h"
 
 namespace vss {
 
 struct DimensionValue {
   std::string name;
-  double value_mm = 0, sigma_mm = 0;
+  double value_mm = 0;
+  double sigma_mm = 0;  // NaN where it is not known
   bool observable = true;
   std::string origin;  // where a value that was not observed comes from: a sentence
 };
@@ -20,19 +23,6 @@ struct DimensionValue {
 struct ProductCircle {
   Eigen::Vector3d center, normal;  // world
   double radius_mm = 0;
-};
-
-// Which line of which picture was taken for which contour edge of the part: indices into the picture's line image
-// and into the solid's edges (or arcs and circles where `is_arc`).
-struct ContourMatch {
-  int image = 0, line = 0, edge = 0;
-  bool is_arc = false;
-  double residual_px = 0;
-};
-
-struct RunnerUp {
-  std::string kind;
-  double log_odds = 0;
 };
 
 struct Part {
@@ -62,12 +52,6 @@ struct Seam {
   Eigen::Vector3d normal_a, normal_b;
 };
 
-// Lines that look like an object which no knowledge base describes.
-struct UnknownGroup {
-  Eigen::Vector3d center, extent;  // world, mm
-  int num_lines = 0;
-};
-
 struct Product {
   std::string survey;
   std::vector<Part> parts;
@@ -76,7 +60,8 @@ struct Product {
   std::vector<std::string> warnings;
 };
 
-// Format vss-product/1. `image_files`: the pictures' names as in the survey file, by index.
+// Format vss-product/1, one object with its fields in the order of the contract, the same bytes for the same product.
+// `image_files`: the pictures' names as in the survey file, by index.
 std::string ProductToJson(const Product& product, const std::vector<std::string>& image_files);
 Result<Product> ReadProduct(const std::filesystem::path& path, const std::vector<std::string>& image_files);
 
