@@ -35,8 +35,8 @@ struct Part {
   std::vector<Eigen::Vector3d> vertices, vertex_sigma;  // world, mm
   std::vector<std::array<int, 2>> edges;                // pairs of vertices
   std::vector<ProductCircle> circles;
-  std::string stands_on = "ground";                     // "ground" or a part's id
-  std::vector<int> images;                              // indices of the pictures that were used
+  std::string stands_on = "ground";  // "ground" or a part's id
+  std::vector<int> images;           // indices of the pictures that were used
   std::vector<ContourMatch> matches;
   Eigen::MatrixXd covariance;  // of (x, y, z mm, rotation vector rad in world, dimensions mm)
   double residual_px = 0;
@@ -48,8 +48,8 @@ struct Part {
 // A place where two parts touch along a line, to be welded. Normals (unit, world) of the two faces that meet.
 struct Seam {
   std::string part_a, part_b;
-  Eigen::Vector3d start, end;
-  Eigen::Vector3d normal_a, normal_b;
+  Eigen::Vector3d start = Eigen::Vector3d::Zero(), end = Eigen::Vector3d::Zero();
+  Eigen::Vector3d normal_a = Eigen::Vector3d::Zero(), normal_b = Eigen::Vector3d::Zero();
 };
 
 struct Product {
@@ -60,8 +60,8 @@ struct Product {
   std::vector<std::string> warnings;
 };
 
-// Format vss-product/1, one object with its fields in the order of the contract, the same bytes for the same product.
-// `image_files`: the pictures' names as in the survey file, by index.
+// Format vss-product/1, one object with its fields in the order of the contract, the same bytes for the same
+// product. `image_files`: the pictures' names as in the survey file, by index.
 std::string ProductToJson(const Product& product, const std::vector<std::string>& image_files);
 Result<Product> ReadProduct(const std::filesystem::path& path, const std::vector<std::string>& image_files);
 
