@@ -1,6 +1,8 @@
 // The line image of a picture: straight segments and elliptical arcs, sub-pixel, with covariance.
 #pragma once
 #include <Eigen/Core>
+#include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -17,8 +19,8 @@ enum class SegmentEnd { kFree, kJunction, kBorder };  // ends alone, at another 
 // lens is known. The supporting line is known to
 //   sigma_offset_px (at the midpoint, across the line) and sigma_angle_rad, uncorrelated.
 struct LineSegment {
-  Eigen::Vector2d start, end;
-  Eigen::Vector2d ideal_start, ideal_end;
+  Eigen::Vector2d start = {0, 0}, end = {0, 0};
+  Eigen::Vector2d ideal_start = {0, 0}, ideal_end = {0, 0};
   double sigma_offset_px = 0;
   double sigma_angle_rad = 0;
   double contrast = 0;      // grey levels between the two sides
@@ -33,9 +35,9 @@ struct LineSegment {
 // parameter angles: point(t) = center + R(angle) (axes.x cos t, axes.y sin t), from < to <= from + 2 pi.
 // The `ideal_*` values describe the same contour without distortion (fitted there).
 struct EllipticalArc {
-  Eigen::Vector2d center, axes;
+  Eigen::Vector2d center = {0, 0}, axes = {0, 0};
   double angle_rad = 0, from_rad = 0, to_rad = 0;
-  Eigen::Vector2d ideal_center, ideal_axes;
+  Eigen::Vector2d ideal_center = {0, 0}, ideal_axes = {0, 0};
   double ideal_angle_rad = 0, ideal_from_rad = 0, ideal_to_rad = 0;
   bool bright_inside = false;
   Eigen::Matrix<double, 5, 5> covariance = Eigen::Matrix<double, 5, 5>::Zero();  // ideal centre u, v, axes a, b, angle
@@ -53,12 +55,29 @@ struct LineImage {
 };
 
 struct LineOptions {
-  double min_length_px = 10;
+  double min_length_px = 6;
+  double edge_threshold = 3.2;     // of the gradient's noise
+  double min_contrast = 2;         // grey levels
+  double min_significance = 8;     // mean gradient over what noise and texture explain
+  double tolerance_px = 0.7;
+  double max_gap_px = 30;
+  bool arcs = true;
 };
 std::span<const ParameterOf<LineOptions>> LineParameters();
 
 // Buffers that repeated calls share; one a thread.
-class LineWorkspace;
+class LineWorkspace {
+ public:
+  struct Buffers;
+  LineWorkspace();
+  ~LineWorkspace();
+  LineWorkspace(LineWorkspace&&) noexcept;
+  LineWorkspace& operator=(LineWorkspace&&) noexcept;
+  Buffers& buffers() { return *buffers_; }
+
+ private:
+  std::unique_ptr<Buffers> buffers_;
+};
 
 // The lines of `image`. `lens`: straightens edge points before lines are fitted; null where it is not known.
 // Never fails: a picture without edges has no lines. The same bytes for the same input, always.

@@ -1,0 +1,182 @@
+#include "vss/feature/line_image.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "vss/geometry/rigid_transform.h"
+
+namespace vss {
+namespace {
+
+using Eigen::Vector2d;
+
+constexpr double kBlurPx = 0.8;
+
+double Step(double t) {
+  return 0.5 * std::erfc(-t / (std::sqrt(2.0) * std::hypot(kBlurPx, std::sqrt(1 / 12.0))));
+}
+
+// A bright rectangle (levels 60 and 140) whose sides are blurred.
+struct Rectangle {
+  Vector2d center = {100.3, 90.7};
+  double half_length = 60, half_width = 30, angle = 0.3, low = 60, high = 140;
+
+  double At(double u, double v) const {
+    const Vector2d d = Vector2d(u, v) - center;
+    const double x = std::cos(angle) * d.x() + std::sin(angle) * d.y(),
+                 y = -std::sin(angle) * d.x() + std::cos(angle) * d.y();
+    return low + (high - low) * Step(half_length - std::abs(x)) * Step(half_width - std::abs(y));
+  }
+  // Corners in an order that has the inside to the left on the screen.
+  std::array<Vector2d, 4> Corners() const {
+    const Vector2d a(std::cos(angle), std::sin(angle)), b(-a.y(), a.x());
+    return {center + half_length * a + half_width * b, center + half_length * a - half_width * b,
+            center - half_length * a - half_width * b, center - half_length * a + half_width * b};
+  }
+};
+
+template <class Value>
+GreyImage Render(int width, int height, int bits, double sigma, const Value& value) {
+  GreyImage image(width, height, bits);
+  std::mt19937 random(7);
+  std::normal_distribution<double> noise(0, 1);
+  for (int v = 0; v < height; ++v)
+    for (int u = 0; u < width; ++u) {
+      const double x = std::clamp(std::round((value(u, v) + sigma * noise(random)) * (bits == 8 ? 1 : 100)),
+                                  0.0, image.view().MaxValue());
+      if (bits == 8)
+        image.Row8(v)[u] = static_cast<std::uint8_t>(x);
+      else
+        image.Row16(v)[u] = static_cast<std::uint16_t>(x);
+    }
+  return image;
+}
+
+LineImage LinesOf(const GreyImage& image, const Intrinsics* lens = nullptr) {
+  return DetectLines(image.view(), lens, LineOptions{});
+}
+
+double AcrossPx(const Vector2d& from, const Vector2d& to, const Vector2d& p) {
+  const Vector2d d = (to - from).normalized();
+  return d.x() * (p.y() - from.y()) - d.y() * (p.x() - from.x());
+}
+
+class RectangleTest : public testing::TestWithParam<int> {};
+
+TEST_P(RectangleTest, HasFourSidesInTheirPlacesWithTheBrightSideOnTheLeft) {
+  const Rectangle r;
+  const LineImage lines = LinesOf(Render(200, 180, GetParam(), 1, [&](int u, int v) { return r.At(u, v); }));
+  ASSERT_EQ(lines.segments.size(), 4u);
+  const auto corners = r.Corners();
+  for (int i = 0; i < 4; ++i) {
+    const Vector2d from = corners[std::size_t(i)], to = corners[std::size_t(i + 1) % 4];
+    const auto hit = std::find_if(lines.segments.begin(), lines.segments.end(), [&](const LineSegment& s) {
+      return (s.start - from).norm() < 4 && (s.end - to).norm() < 4;
+    });
+    ASSERT_NE(hit, lines.segments.end());
+    EXPECT_LT(std::abs(AcrossPx(from, to, hit->start)), 0.1);
+    EXPECT_LT(std::abs(AcrossPx(from, to, hit->end)), 0.1);
+    EXPECT_NEAR(hit->contrast, GetParam() == 8 ? 80 : 8000, GetParam() == 8 ? 8 : 800);
+    EXPECT_NEAR(hit->blur_px, kBlurPx, 0.2);
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Bits, RectangleTest, testing::Values(8, 16));
+
+TEST(DetectLines, FindsAStraightEdgeOfADistortingLensAsOneSegment) {
+  Intrinsics lens{LensModel::kOpenCv, 300, 300, 199.5, 149.5, {-0.25, 0.03}, 2, 0};
+  const Vector2d a(-20, 20), b(420, 35);  // ideal: near the upper border, where the lens bends most
+  const GreyImage image = Render(400, 300, 8, 1, [&](int u, int v) {
+    const auto n = lens.NormalizedFromImg(Vector2d(u, v));
+    return 60 + 80 * Step(AcrossPx(a, b, lens.IdealFromNormalized(*n)));
+  });
+  const LineImage lines = LinesOf(image, &lens);
+  ASSERT_EQ(lines.segments.size(), 1u);
+  const LineSegment& s = lines.segments[0];
+  EXPECT_LT(std::abs(AcrossPx(a, b, s.ideal_start)), 0.05);
+  EXPECT_LT(std::abs(AcrossPx(a, b, s.ideal_end)), 0.05);
+  EXPECT_GT((s.end - s.start).norm(), 380);
+}
+
+TEST(DetectLines, FindsACircleAsAnArcAllTheWayRound) {
+  const GreyImage image = Render(
+      200, 200, 8, 1, [&](int u, int v) { return 60 + 80 * Step(50 - std::hypot(u - 99.3, v - 101.2)); });
+  const LineImage lines = LinesOf(image);
+  ASSERT_EQ(lines.arcs.size(), 1u);
+  EXPECT_TRUE(lines.segments.empty());
+  const EllipticalArc& arc = lines.arcs[0];
+  EXPECT_NEAR(arc.center.x(), 99.3, 0.05);
+  EXPECT_NEAR(arc.center.y(), 101.2, 0.05);
+  EXPECT_NEAR(arc.axes.x(), 50, 0.1);
+  EXPECT_NEAR(arc.axes.y(), 50, 0.1);
+  EXPECT_TRUE(arc.bright_inside);
+  EXPECT_NEAR(arc.to_rad - arc.from_rad, 2 * kPi, 1e-6);
+}
+
+TEST(DetectLines, FindsNoLinesInNoise) {
+  for (const int bits : {8, 16}) {
+    const LineImage lines = LinesOf(Render(256, 256, bits, 10, [](int, int) { return 120; }));
+    EXPECT_TRUE(lines.segments.empty());
+    EXPECT_TRUE(lines.arcs.empty());
+    EXPECT_NEAR(lines.noise_sigma, bits == 8 ? 10 : 1000, bits == 8 ? 1 : 100);
+  }
+}
+
+TEST(DetectLines, HasNothingToSayOfPicturesWithoutEdges) {
+  EXPECT_TRUE(DetectLines({}, nullptr, {}).segments.empty());
+  for (const int size : {1, 2, 3, 5, 16, 65}) {
+    EXPECT_TRUE(LinesOf(Render(size, 1, 8, 0, [](int, int) { return 7; })).segments.empty());
+    EXPECT_TRUE(LinesOf(Render(size, size, 8, 0, [](int, int) { return 255; })).segments.empty());
+    EXPECT_TRUE(LinesOf(Render(size, size, 16, 0, [](int, int) { return 655.35; })).segments.empty());
+    EXPECT_TRUE(
+        LinesOf(Render(size, size, 8, 0, [](int u, int v) { return (u + v) % 2 * 255; })).segments.empty());
+  }
+}
+
+TEST(DetectLines, GivesTheSameBytesWithAWorkspaceThatHasSeenOtherPictures) {
+  const Rectangle r;
+  const GreyImage image = Render(200, 180, 8, 3, [&](int u, int v) { return r.At(u, v); });
+  const GreyImage other = Render(333, 77, 16, 3, [&](int u, int v) { return r.At(u, v + 40); });
+  LineWorkspace workspace;
+  const std::string first = LineImageToJson(DetectLines(image.view(), nullptr, {}, &workspace));
+  DetectLines(other.view(), nullptr, {}, &workspace);
+  EXPECT_EQ(LineImageToJson(DetectLines(image.view(), nullptr, {}, &workspace)), first);
+  EXPECT_EQ(LineImageToJson(LinesOf(image)), first);
+}
+
+TEST(LineImageToJson, WritesTheContractsFields) {
+  LineImage lines{"a.png", 20, 10, 1.5, true, {}, {}};
+  LineSegment s;
+  s.start = {1.25, 2}, s.end = {9, 2.5}, s.ideal_start = {1.26, 2}, s.ideal_end = {9.01, 2.5},
+  s.sigma_offset_px = 0.02, s.contrast = 41;
+  lines.segments = {s};
+  EllipticalArc arc;
+  arc.center = {10, 5}, arc.axes = {4, 3}, arc.angle_rad = RadFromDeg(12.5), arc.to_rad = 2 * kPi;
+  lines.arcs = {arc};
+  const auto j = nlohmann::json::parse(LineImageToJson(lines));
+  EXPECT_EQ(j["format"], "vss-lines/1");
+  EXPECT_EQ(j["image"], "a.png");
+  EXPECT_EQ(j["width"], 20);
+  EXPECT_EQ(j["height"], 10);
+  EXPECT_EQ(j["segments"][0]["start"], nlohmann::json({1.25, 2.0}));
+  EXPECT_EQ(j["segments"][0]["ideal_end"], nlohmann::json({9.01, 2.5}));
+  EXPECT_EQ(j["segments"][0]["sigma_px"], 0.02);
+  EXPECT_EQ(j["arcs"][0]["angle"], 12.5);
+  EXPECT_EQ(j["arcs"][0]["to"], 360.0);
+  EXPECT_EQ(j["arcs"][0]["bright"], "outside");
+  lines.lens_known = false;
+  EXPECT_FALSE(nlohmann::json::parse(LineImageToJson(lines))["segments"][0].contains("ideal_start"));
+}
+
+TEST(LineParameters, NamesEveryOptionWithItsRange) {
+  LineOptions options;
+  EXPECT_TRUE(*SetParameter(LineParameters(), "lines.min_length_px", 20, options));
+  EXPECT_EQ(options.min_length_px, 20);
+  EXPECT_FALSE(SetParameter(LineParameters(), "lines.min_length_px", -1, options).has_value());
+}
+
+}  // namespace
+}  // namespace vss
