@@ -3,6 +3,7 @@
 // The `part` frame: base on z = 0, x along the length, origin at the centre of the footprint's bounding rectangle.
 #pragma once
 #include <Eigen/Core>
+#include <array>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -50,11 +51,25 @@ struct SolidCircle {
   double weight = 1;
 };
 
+// The part of a rim that a rounded corner makes: from vertex `start` to vertex `end`, tangent to the straight edges
+// there. Counter-clockwise seen against `normal_in_part` (the plane face's outward normal) where the material is inside.
+struct SolidArc {
+  SolidPoint center;
+  Eigen::Vector3d normal_in_part = Eigen::Vector3d::UnitZ();
+  double radius_mm = 0;
+  Eigen::RowVectorXd radius_by_dimension;
+  int start = 0, end = 0;
+  int plane_face = 0, cylinder_face = 0;
+  bool is_hole = false;  // a hollow: the material is outside
+  double weight = 1;
+};
+
 // The solid at given dimensions. Its topology (indices) is the same at all dimensions.
 struct Solid {
   std::vector<SolidPoint> vertices;
   std::vector<SolidEdge> edges;
   std::vector<SolidCircle> circles;
+  std::vector<SolidArc> arcs;  // of rounded corners; none of the shipped objects has any
   std::vector<SolidFace> faces;
 };
 
