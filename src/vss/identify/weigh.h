@@ -1,0 +1,71 @@
+// How well the lines of the pictures speak for a placed object: predicted contours against lines found.
+#pragma once
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "vss/identify/contour.h"
+#include "vss/identify/line_index.h"
+#include "vss/identify/evidence.h"
+
+namespace vss {
+
+// All pictures prepared for look-ups.
+struct SceneIndex {
+  std::span<const View> views;
+  std::vector<LineIndex> lines;
+  std::vector<std::vector<double>>
+      density;  // per view and direction bin: chance that some line lies within 1 px of a point, per px
+  double tolerance_px = 1.5;
+
+  static constexpr int kDirectionBins = 18;
+  double ChanceHit(int view, const Eigen::Vector2d& tangent) const;
+};
+SceneIndex MakeSceneIndex(std::span<const View> views, double tolerance_px, int threads);
+
+// Which lines accepted parts have explained already: claimed[view][line].
+using Claims = std::vector<std::vector<bool>>;
+
+struct EdgeEvidence {
+  ContourSample::Source source = ContourSample::Source::kEdge;
+  int index = 0;
+  int views = 0;  // that should see it
+  double visible_px = 0, supported_px = 0;
+  double log_odds = 0;
+};
+
+struct Evidence {
+  double log_odds = 0;  // natural logarithm, for "there is this object" against "chance"
+  double visible_px = 0, supported_px = 0;
+  int views = 0;  // that see part of its contour
+  std::vector<EdgeEvidence> edges;
+  std::vector<ContourMatch> matches;  // only where asked for
+};
+
+struct WeighOptions {
+  double spacing_px = 6;
+  int min_samples = 3;
+  bool keep_matches = false;
+  int max_views = 1 << 20;
+};
+
+// The views that see the object, those that show it largest first, at most `most`.
+std::vector<int> ViewsThatSee(const WorldSolid& solid, std::span<const View> views, int most);
+
+Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
+               const WeighOptions& options, const Occluders* others = nullptr,
+               const Claims* claims = nullptr);
+
+// Gauss-Newton of the state to the lines nearest to the predicted contour. `free`: which state entries may
+// move. `reach_px`: lines further away are not looked at, from the first to the last iteration. Returns the
+// rms in px of the samples used, or a negative number where there were too few.
+struct FitToLinesResult {
+  double rms_px = -1;
+  int samples = 0;
+  Eigen::MatrixXd information;  // of the state, before the prior, for 1 px noise a sample
+};
+FitToLinesResult FitToLines(PlacedObject& object, std::span<const int> views, const SceneIndex& scene,
+                            const std::vector<bool>& free, double first_reach_px, double last_reach_px,
+                            int iterations, const Occluders* others = nullptr);
+
+}  // namespace vss

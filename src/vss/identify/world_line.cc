@@ -1,0 +1,404 @@
+#include "vss/identify/world_line.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+
+#include "vss/base/parallel.h"
+
+namespace vss {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Direction = WorldLine::Direction;
+
+// Planes that meet at less than this say nothing of the depth (sine).
+constexpr double kMinPlaneAngle = 0.03;
+// A plane that is itself nearly horizontal holds horizontal lines of every direction (sine of its tilt).
+constexpr double kMinPlaneTilt = 0.1;
+// The share of the shorter line that must lie beside the other.
+constexpr double kMinOverlap = 0.4;
+// Pieces of one edge may be this far apart, relative to what is already known of it.
+constexpr double kMaxGapShare = 0.3;
+constexpr double kMinGapMm = 60;
+
+struct Candidate {
+  Direction kind = Direction::kHorizontal;
+  Vector3d start, end;
+  std::vector<LineRef> support;  // the base line first
+  int num_views = 0, num_stops = 0;
+  double support_px = 0;
+};
+
+class Finder {
+ public:
+  Finder(std::span<const View> views, std::span<const LineIndex> indices, const WorldLineOptions& options)
+      : views_(views), indices_(indices), options_(options) {}
+
+  // The best explanation of line `line` of view `i` as an edge in the world.
+  std::optional<Candidate> Explain(int i, int line) const {
+    const View& view = views_[std::size_t(i)];
+    const ViewLine& a = indices_[std::size_t(i)].lines()[std::size_t(line)];
+    std::vector<Candidate> candidates;
+    for (std::size_t j = 0; j < views_.size(); ++j) {
+      if (int(j) == i) continue;
+      const double baseline = (views_[j].center_in_world - view.center_in_world).norm();
+      if (baseline < 1e-6) continue;
+      const auto& lines = indices_[j].lines();
+      for (int k = 0; k < indices_[j].num_segments(); ++k) PairUp(view, a, views_[j], lines[std::size_t(k)], candidates);
+    }
+    return Best(i, line, candidates);
+  }
+
+  // Lines of all pictures that lie on the infinite line through `start`, `end` beside its (growing) extent.
+  void Grow(Candidate& c) const {
+    bool grown = true;
+    for (int round = 0; grown && round < 8; ++round) {
+      grown = false;
+      const Vector3d d = (c.end - c.start).normalized();
+      const double length = (c.end - c.start).norm();
+      const double gap = std::max(kMinGapMm, kMaxGapShare * length);
+      double lo = 0, hi = length;
+      std::vector<LineRef> found;
+      for (std::size_t k = 0; k < views_.size(); ++k)
+        Collinear(int(k), c.start - gap * d, c.end + gap * d, found);
+      for (const LineRef& r : found) {
+        const auto span = Extent(r, c.start, d);
+        if (!span || span->first > length + gap || span->second < -gap) continue;
+        if (std::find(c.support.begin(), c.support.end(), r) == c.support.end()) {
+          c.support.push_back(r);
+          grown = true;
+        }
+        lo = std::min(lo, span->first);
+        hi = std::max(hi, span->second);
+      }
+      if (grown) Refine(c, lo, hi);
+    }
+  }
+
+  // Least squares of the line (offsets across it at both ends) to the planes of its lines, then its extent.
+  void Refine(Candidate& c, double, double) const {
+    for (int iteration = 0; iteration < 3; ++iteration) {
+      const Vector3d d = (c.end - c.start).normalized();
+      const double length = (c.end - c.start).norm();
+      const Vector3d e1 = d.unitOrthogonal(), e2 = d.cross(e1);
+      Eigen::Matrix4d ata = Eigen::Matrix4d::Identity() * 1e-9;
+      Eigen::Vector4d atb = Eigen::Vector4d::Zero();
+      for (const LineRef& r : c.support) {
+        const ViewLine& l = LineOf(r);
+        const View& view = views_[std::size_t(r.view)];
+        for (const Vector3d& ray : {l.ray_start, l.ray_end}) {
+          const double t = ClosestOnLine(c.start, d, view.center_in_world, ray);
+          const Vector3d x = c.start + t * d;
+          const double depth = std::max(1.0, (x - view.center_in_world).norm());
+          const double to_px = view.camera->intrinsics.fx_px / depth;
+          const double residual = l.plane_normal.dot(x - view.center_in_world) * to_px;
+          const double s = t / length;
+          Eigen::Vector4d j;
+          j << (1 - s) * l.plane_normal.dot(e1), (1 - s) * l.plane_normal.dot(e2), s * l.plane_normal.dot(e1),
+              s * l.plane_normal.dot(e2);
+          j *= to_px;
+          const double u = residual / options_.tolerance_px;
+          const double weight = l.length_px / (1 + u * u);
+          ata += weight * j * j.transpose();
+          atb -= weight * residual * j;
+        }
+      }
+      // Horizontal and vertical are measured facts of steel on a floor: hold them where the pictures are
+      // silent.
+      const double hold = 1e-3 * ata.trace();
+      if (c.kind == Direction::kHorizontal) {
+        Eigen::Vector4d h;
+        h << e1.z(), e2.z(), -e1.z(), -e2.z();
+        ata += hold * h * h.transpose();
+        atb -= hold * (c.start.z() - c.end.z()) * h;
+      } else if (c.kind == Direction::kVertical) {
+        for (int axis = 0; axis < 2; ++axis) {
+          Eigen::Vector4d h;
+          h << e1[axis], e2[axis], -e1[axis], -e2[axis];
+          ata += hold * h * h.transpose();
+          atb -= hold * (c.start[axis] - c.end[axis]) * h;
+        }
+      }
+      const Eigen::Vector4d x = ata.ldlt().solve(atb);
+      if (!x.allFinite() || x.norm() > length + 1000) return;
+      c.start += x[0] * e1 + x[1] * e2;
+      c.end += x[2] * e1 + x[3] * e2;
+    }
+    SetExtent(c);
+  }
+
+  void Count(Candidate& c) const {
+    std::vector<int> seen, stops;
+    c.support_px = 0;
+    for (const auto& r : c.support) {
+      seen.push_back(r.view);
+      const int stop = views_[std::size_t(r.view)].stop;
+      stops.push_back(stop < 0 ? -1 - r.view : stop);
+      c.support_px += LineOf(r).length_px;
+    }
+    for (auto* v : {&seen, &stops}) {
+      std::sort(v->begin(), v->end());
+      v->erase(std::unique(v->begin(), v->end()), v->end());
+    }
+    c.num_views = int(seen.size());
+    c.num_stops = int(stops.size());
+  }
+
+  double Rms(const Candidate& c) const {
+    double sum = 0;
+    for (const auto& r : c.support) sum += std::pow(DistancePx(r, c.start, c.end), 2);
+    return std::sqrt(sum / double(c.support.size()));
+  }
+
+ private:
+  const ViewLine& LineOf(const LineRef& r) const {
+    return indices_[std::size_t(r.view)].lines()[std::size_t(r.line)];
+  }
+
+  // Parameter t of the point start + t d that is closest to the ray from `center`.
+  static double ClosestOnLine(const Vector3d& start, const Vector3d& d, const Vector3d& center,
+                              const Vector3d& ray) {
+    const Vector3d w = start - center;
+    const double b = d.dot(ray), denominator = 1 - b * b;
+    if (denominator < 1e-12) return 0;
+    return (b * ray.dot(w) - d.dot(w)) / denominator;
+  }
+
+  std::optional<std::pair<double, double>> Extent(const LineRef& r, const Vector3d& start,
+                                                  const Vector3d& d) const {
+    const ViewLine& l = LineOf(r);
+    const Vector3d& c = views_[std::size_t(r.view)].center_in_world;
+    double a = ClosestOnLine(start, d, c, l.ray_start), b = ClosestOnLine(start, d, c, l.ray_end);
+    if ((start + a * d - c).dot(l.ray_start) <= 0 || (start + b * d - c).dot(l.ray_end) <= 0)
+      return std::nullopt;
+    if (a > b) std::swap(a, b);
+    return std::pair{a, b};
+  }
+
+  // Where at least two pictures agree (one, where only one looks).
+  void SetExtent(Candidate& c) const {
+    const Vector3d d = (c.end - c.start).normalized();
+    std::map<int, std::pair<double, double>> by_view;
+    std::vector<std::pair<double, double>> spans;
+    for (const auto& r : c.support)
+      if (const auto s = Extent(r, c.start, d)) spans.push_back(*s);
+    if (spans.empty()) return;
+    std::vector<double> lows, highs;
+    for (const auto& s : spans) {
+      lows.push_back(s.first);
+      highs.push_back(s.second);
+    }
+    std::sort(lows.begin(), lows.end());
+    std::sort(highs.rbegin(), highs.rend());
+    // The second outermost end where it is near the outermost: one picture alone may have run on.
+    auto pick = [](const std::vector<double>& ends) { return ends.size() > 2 ? ends[1] : ends[0]; };
+    const double lo = pick(lows), hi = pick(highs);
+    if (hi - lo < 1) return;
+    const Vector3d s = c.start;
+    c.start = s + lo * d;
+    c.end = s + hi * d;
+  }
+
+  // Mean distance of the image line from the projected world line, where they lie side by side.
+  double DistancePx(const LineRef& r, const Vector3d& start, const Vector3d& end) const {
+    const View& view = views_[std::size_t(r.view)];
+    const ViewLine& l = LineOf(r);
+    const Vector3d d = (end - start).normalized();
+    double sum = 0;
+    for (const Vector3d& ray : {l.ray_start, l.ray_end}) {
+      const double t = ClosestOnLine(start, d, view.center_in_world, ray);
+      const auto p = view.ProjectIdeal(start + t * d);
+      if (!p) return 1e9;
+      sum += std::abs((*p - l.start).dot(l.normal));
+    }
+    return sum / 2;
+  }
+
+  void PairUp(const View& va, const ViewLine& a, const View& vb, const ViewLine& b,
+              std::vector<Candidate>& out) const {
+    const Vector3d cross = a.plane_normal.cross(b.plane_normal);
+    const double sine = cross.norm();
+    if (sine < kMinPlaneAngle) return;
+    const Vector3d direction = cross / sine;
+    // End points of `a` pushed onto the plane of `b`.
+    auto meet = [&](const Vector3d& ray) {
+      return va.center_in_world -
+             ray * (b.plane_normal.dot(va.center_in_world - vb.center_in_world) / b.plane_normal.dot(ray));
+    };
+    Candidate c;
+    const double slack =
+        2 * options_.tolerance_px * (1 / a.length_px + 1 / b.length_px) / sine;  // rad, to first order
+    const double level = std::abs(direction.z()), plumb = direction.head<2>().norm();
+    if (level < std::max(slack, 0.01)) {
+      c.kind = Direction::kHorizontal;
+      if (a.plane_normal.head<2>().norm() < kMinPlaneTilt) return;
+      const Vector3d mid = meet((a.ray_start + a.ray_end).normalized());
+      const double h = mid.z() - va.center_in_world.z();
+      if (std::abs(a.ray_start.z()) < 1e-6 || std::abs(a.ray_end.z()) < 1e-6) return;
+      const double s0 = h / a.ray_start.z(), s1 = h / a.ray_end.z();
+      if (!(s0 > 0) || !(s1 > 0)) return;
+      c.start = va.center_in_world + s0 * a.ray_start;
+      c.end = va.center_in_world + s1 * a.ray_end;
+    } else if (plumb < std::max(slack, 0.01)) {
+      c.kind = Direction::kVertical;
+      const Vector3d mid = meet((a.ray_start + a.ray_end).normalized());
+      if ((mid - va.center_in_world).dot(a.ray_start) <= 0) return;
+      auto at = [&](const Vector3d& ray) {
+        return Vector3d(mid +
+                        Vector3d::UnitZ() * ClosestOnLine(mid, Vector3d::UnitZ(), va.center_in_world, ray));
+      };
+      c.start = at(a.ray_start);
+      c.end = at(a.ray_end);
+    } else {
+      c.kind = Direction::kInclined;
+      c.start = meet(a.ray_start);
+      c.end = meet(a.ray_end);
+      if ((c.start - va.center_in_world).dot(a.ray_start) <= 0 ||
+          (c.end - va.center_in_world).dot(a.ray_end) <= 0)
+        return;
+    }
+    for (const Vector3d& x : {c.start, c.end})
+      if (!x.allFinite() || x.z() < options_.min_height_mm || x.z() > options_.max_height_mm) return;
+    if (!Beside(vb, b, c.start, c.end, kMinOverlap)) return;
+    out.push_back(std::move(c));
+  }
+
+  // Does the projection of start-end lie on line `l`, overlapping by a share of the shorter?
+  bool Beside(const View& view, const ViewLine& l, const Vector3d& start, const Vector3d& end,
+              double min_share) const {
+    const auto p = view.ProjectIdeal(start), q = view.ProjectIdeal(end);
+    if (!p || !q) return false;
+    double s = (*p - l.start).dot(l.direction), t = (*q - l.start).dot(l.direction);
+    double ds = (*p - l.start).dot(l.normal), dt = (*q - l.start).dot(l.normal);
+    if (s > t) {
+      std::swap(s, t);
+      std::swap(ds, dt);
+    }
+    const double lo = std::max(0.0, s), hi = std::min(l.length_px, t);
+    if (hi - lo < min_share * std::min(l.length_px, t - s) || hi <= lo) return false;
+    const double slope = (dt - ds) / std::max(t - s, 1e-9);
+    return std::abs(ds + slope * (lo - s)) < options_.tolerance_px &&
+           std::abs(ds + slope * (hi - s)) < options_.tolerance_px;
+  }
+
+  // The lines of view `k` that lie on the projection of start-end.
+  void Collinear(int k, const Vector3d& start, const Vector3d& end, std::vector<LineRef>& out) const {
+    const View& view = views_[std::size_t(k)];
+    constexpr int kSteps = 12;
+    int last = -1;
+    std::vector<int> seen;
+    for (int s = 0; s <= kSteps; ++s) {
+      const Vector3d x = start + (end - start) * (s / double(kSteps));
+      if (!view.ProjectInside(x)) continue;
+      const auto p = view.ProjectIdeal(x), q = view.ProjectIdeal(x + (end - start) * 1e-3);
+      if (!p || !q || (*q - *p).norm() < 1e-12) continue;
+      const LineHit hit =
+          indices_[std::size_t(k)].Nearest(*p, (*q - *p).normalized(), options_.tolerance_px, 0.996);
+      if (hit.line < 0 || hit.line == last || hit.line >= indices_[std::size_t(k)].num_segments()) continue;
+      last = hit.line;
+      if (std::find(seen.begin(), seen.end(), hit.line) != seen.end()) continue;
+      seen.push_back(hit.line);
+      if (DistancePx({k, hit.line}, start, end) < options_.tolerance_px) out.push_back({k, hit.line});
+    }
+  }
+
+  std::optional<Candidate> Best(int i, int line, std::vector<Candidate>& candidates) const {
+    // Candidates that agree with many others first: those are worth a look at all pictures.
+    std::optional<Candidate> best;
+    double best_score = 0;
+    std::vector<bool> done(candidates.size());
+    for (std::size_t k = 0; k < candidates.size(); ++k) {
+      if (done[k]) continue;
+      Candidate& c = candidates[k];
+      for (std::size_t m = k + 1; m < candidates.size();
+           ++m)  // the same edge within the tolerance, seen from here
+        if (!done[m] && candidates[m].kind == c.kind && SameDepth(views_[std::size_t(i)], c, candidates[m]))
+          done[m] = true;
+      c.support = {{i, line}};
+      for (std::size_t v = 0; v < views_.size(); ++v) {
+        if (int(v) == i) continue;
+        std::vector<LineRef> found;
+        Collinear(int(v), c.start, c.end, found);
+        for (const LineRef& r : found)
+          if (Beside(views_[v], LineOf(r), c.start, c.end, kMinOverlap)) c.support.push_back(r);
+      }
+      Count(c);
+      const int needed = c.kind == Direction::kInclined ? 3 : 2;
+      if (c.num_views < needed) continue;
+      // Horizontal and vertical explain more with less: one witness more.
+      const double score = c.num_views + 0.5 * c.num_stops + (c.kind == Direction::kInclined ? 0 : 1) +
+                           1e-4 * std::min(c.support_px, 2000.0);
+      if (score > best_score) {
+        best_score = score;
+        best = c;
+      }
+    }
+    return best;
+  }
+
+  bool SameDepth(const View& view, const Candidate& a, const Candidate& b) const {
+    // A depth step that moves the edge by less than half the tolerance in a picture one baseline of 1/5 depth
+    // away.
+    const double depth = (a.start - view.center_in_world).norm();
+    const double step = 0.5 * options_.tolerance_px * depth / view.camera->intrinsics.fx_px * 5;
+    return (a.start - b.start).norm() < step && (a.end - b.end).norm() < step;
+  }
+
+  std::span<const View> views_;
+  std::span<const LineIndex> indices_;
+  const WorldLineOptions& options_;
+};
+
+}  // namespace
+
+std::vector<WorldLine> FindWorldLines(std::span<const View> views, std::span<const LineIndex> indices,
+                                      const WorldLineOptions& options, int threads,
+                                      const Progress& progress) {
+  const Finder finder(views, indices, options);
+  std::vector<std::vector<std::optional<Candidate>>> explained(views.size());
+  ParallelFor(views.size(), threads, [&](std::size_t i) {
+    if (progress.Cancelled()) return;
+    explained[i].resize(std::size_t(indices[i].num_segments()));
+    for (std::size_t k = 0; k < explained[i].size(); ++k) explained[i][k] = finder.Explain(int(i), int(k));
+  });
+  std::vector<const Candidate*> order;
+  for (const auto& view : explained)
+    for (const auto& c : view)
+      if (c) order.push_back(&*c);
+  std::stable_sort(order.begin(), order.end(), [](const Candidate* a, const Candidate* b) {
+    if (a->num_views != b->num_views) return a->num_views > b->num_views;
+    return a->support_px > b->support_px;
+  });
+  std::vector<std::vector<bool>> claimed(views.size());
+  for (std::size_t i = 0; i < views.size(); ++i) claimed[i].resize(indices[i].lines().size());
+  std::vector<WorldLine> out;
+  for (const Candidate* base : order) {
+    const LineRef& first = base->support.front();
+    if (claimed[std::size_t(first.view)][std::size_t(first.line)]) continue;
+    Candidate c = *base;
+    std::erase_if(c.support,
+                  [&](const LineRef& r) { return claimed[std::size_t(r.view)][std::size_t(r.line)]; });
+    finder.Count(c);
+    if (c.num_views < (c.kind == Direction::kInclined ? 3 : 2)) continue;
+    finder.Refine(c, 0, 0);
+    finder.Grow(c);
+    std::erase_if(c.support,
+                  [&](const LineRef& r) { return claimed[std::size_t(r.view)][std::size_t(r.line)]; });
+    finder.Count(c);
+    const double rms = finder.Rms(c);
+    if (rms > options.tolerance_px) continue;
+    std::sort(c.support.begin(), c.support.end(), [](const LineRef& a, const LineRef& b) {
+      return std::pair(a.view, a.line) < std::pair(b.view, b.line);
+    });
+    for (const LineRef& r : c.support) claimed[std::size_t(r.view)][std::size_t(r.line)] = true;
+    out.push_back({c.kind, c.start, c.end, c.support, c.num_views, c.num_stops, rms});
+  }
+  return out;
+}
+
+}  // namespace vss

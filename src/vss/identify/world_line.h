@@ -1,0 +1,52 @@
+// Straight edges and circles of the world, each found in the line images of several pictures.
+//
+// Two lines of two pictures always meet in one line of space; what makes it an edge is that it is horizontal
+// or vertical (man-made and standing on the ground) or that a third picture agrees. After Hofer, Maurer,
+// Bischof, "Efficient 3D scene abstraction using line segments" (CVIU 2017), with known cameras and the
+// horizontal and vertical as further witnesses.
+#pragma once
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "vss/base/progress.h"
+#include "vss/identify/line_index.h"
+#include "vss/identify/view.h"
+
+namespace vss {
+
+struct LineRef {
+  int view = 0, line = 0;
+  bool operator==(const LineRef&) const = default;
+};
+
+struct WorldLine {
+  enum class Direction { kHorizontal, kVertical, kInclined };
+  Direction kind = Direction::kHorizontal;
+  Eigen::Vector3d start, end;  // world, mm
+  std::vector<LineRef> lines;  // sorted
+  int num_views = 0, num_stops = 0;
+  double rms_px = 0;
+
+  Eigen::Vector3d Unit() const { return (end - start).normalized(); }
+  double Length() const { return (end - start).norm(); }
+};
+
+// A horizontal circle.
+struct WorldCircle {
+  Eigen::Vector3d center;
+  double radius_mm = 0;
+  std::vector<LineRef> arcs;
+  int num_views = 0;
+};
+
+struct WorldLineOptions {
+  double tolerance_px = 1.5;
+  double min_height_mm = -50, max_height_mm = 3000;
+};
+
+std::vector<WorldLine> FindWorldLines(std::span<const View> views, std::span<const LineIndex> indices,
+                                      const WorldLineOptions& options, int threads, const Progress& progress);
+std::vector<WorldCircle> FindWorldCircles(std::span<const View> views, const WorldLineOptions& options);
+
+}  // namespace vss
