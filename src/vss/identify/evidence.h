@@ -5,8 +5,8 @@
 
 namespace vss {
 
-// Which line of which picture was taken for which contour edge of the part: indices into the picture's line image
-// and into the solid's edges (or arcs and circles where `is_arc`).
+// Which line of which picture was taken for which contour edge of the part: indices into the picture's line
+// image and into the solid's edges (or arcs and circles where `is_arc`).
 struct ContourMatch {
   int image = 0, line = 0, edge = 0;
   bool is_arc = false;

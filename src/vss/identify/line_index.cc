@@ -37,7 +37,8 @@ LineIndex::LineIndex(const View& view, double reach_px) {
     const Eigen::Rotation2Dd r(a.ideal_angle_rad);
     auto at = [&](int k) {
       const double t = a.ideal_from_rad + turn * k / pieces;
-      return Vector2d(a.ideal_center + r * Vector2d(a.ideal_axes.x() * std::cos(t), a.ideal_axes.y() * std::sin(t)));
+      return Vector2d(a.ideal_center +
+                      r * Vector2d(a.ideal_axes.x() * std::cos(t), a.ideal_axes.y() * std::sin(t)));
     };
     for (int k = 0; k < pieces; ++k) add(at(k), at(k + 1), static_cast<int>(i));
   }

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "vss/identify/contour.h"
-#include "vss/identify/line_index.h"
 #include "vss/identify/evidence.h"
+#include "vss/identify/line_index.h"
 
 namespace vss {
 

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -49,7 +50,8 @@ class Finder {
       const double baseline = (views_[j].center_in_world - view.center_in_world).norm();
       if (baseline < 1e-6) continue;
       const auto& lines = indices_[j].lines();
-      for (int k = 0; k < indices_[j].num_segments(); ++k) PairUp(view, a, views_[j], lines[std::size_t(k)], candidates);
+      for (int k = 0; k < indices_[j].num_segments(); ++k)
+        PairUp(view, a, views_[j], lines[std::size_t(k)], candidates);
     }
     return Best(i, line, candidates);
   }
@@ -397,6 +399,120 @@ std::vector<WorldLine> FindWorldLines(std::span<const View> views, std::span<con
     });
     for (const LineRef& r : c.support) claimed[std::size_t(r.view)][std::size_t(r.line)] = true;
     out.push_back({c.kind, c.start, c.end, c.support, c.num_views, c.num_stops, rms});
+  }
+  return out;
+}
+
+namespace {
+
+// A horizontal circle as one picture sees it: at height z its centre is eye + center_per_mm * (eye.z - z),
+// its radius radius_per_mm * (eye.z - z).
+struct FlatCircle {
+  LineRef ref;
+  Vector3d eye;
+  Vector2d center_per_mm;
+  double radius_per_mm = 0;
+  double mm_per_px_per_mm = 0;  // size of a pixel there, per mm of depth
+
+  Vector2d CenterAt(double z) const { return eye.head<2>() + center_per_mm * (eye.z() - z); }
+  double RadiusAt(double z) const { return radius_per_mm * (eye.z() - z); }
+};
+
+// The arc's rays met with a horizontal plane; empty where that is no circle to within the tolerance.
+std::optional<FlatCircle> Flatten(const View& view, int v, int arc, double tolerance_px) {
+  constexpr int kPoints = 24;
+  constexpr double kMinSlope = 0.1;  // rays nearer to the horizon say nothing
+  const auto& a = view.lines->arcs[std::size_t(arc)];
+  const Eigen::Rotation2Dd turn(a.ideal_angle_rad);
+  Eigen::MatrixXd m(kPoints, 3);
+  Eigen::VectorXd rhs(kPoints);
+  std::vector<Vector2d> points;
+  for (int k = 0; k < kPoints; ++k) {
+    const double t = a.ideal_from_rad + (a.ideal_to_rad - a.ideal_from_rad) * (k + 0.5) / kPoints;
+    const Vector2d p =
+        a.ideal_center + turn * Vector2d(a.ideal_axes.x() * std::cos(t), a.ideal_axes.y() * std::sin(t));
+    const Vector3d ray = view.RayOfIdeal(p);
+    if (ray.z() > -kMinSlope) return std::nullopt;
+    points.push_back(ray.head<2>() / -ray.z());
+    m.row(k) << points.back().x(), points.back().y(), 1;
+    rhs[k] = points.back().squaredNorm();
+  }
+  const Vector3d x = m.colPivHouseholderQr().solve(rhs);
+  const Vector2d center = x.head<2>() / 2;
+  const double squared = x[2] + center.squaredNorm();
+  if (!(squared > 0)) return std::nullopt;
+  FlatCircle c{{v, arc}, view.center_in_world, center, std::sqrt(squared), 0};
+  c.mm_per_px_per_mm = std::sqrt(1 + center.squaredNorm()) / view.camera->intrinsics.fx_px;
+  for (const auto& p : points)
+    if (std::abs((p - center).norm() - c.radius_per_mm) > tolerance_px * c.mm_per_px_per_mm)
+      return std::nullopt;
+  return c;
+}
+
+}  // namespace
+
+std::vector<WorldCircle> FindWorldCircles(std::span<const View> views, const WorldLineOptions& options) {
+  std::vector<FlatCircle> flat;
+  for (std::size_t v = 0; v < views.size(); ++v)
+    for (std::size_t k = 0; k < views[v].lines->arcs.size(); ++k)
+      if (const auto c = Flatten(views[v], int(v), int(k), options.tolerance_px)) flat.push_back(*c);
+  // Do two circles agree at height z, to within the tolerance?
+  auto agree = [&](const FlatCircle& a, const FlatCircle& b, double z) {
+    const double mm =
+        options.tolerance_px * (a.mm_per_px_per_mm * (a.eye.z() - z) + b.mm_per_px_per_mm * (b.eye.z() - z));
+    return (a.CenterAt(z) - b.CenterAt(z)).norm() < mm && std::abs(a.RadiusAt(z) - b.RadiusAt(z)) < mm;
+  };
+  struct Group {
+    double z = 0;
+    std::vector<std::size_t> members;
+  };
+  std::vector<Group> groups;
+  for (std::size_t i = 0; i < flat.size(); ++i) {
+    Group best;
+    for (std::size_t j = 0; j < flat.size(); ++j) {
+      if (flat[i].ref.view == flat[j].ref.view) continue;
+      // Least squares of centre and radius over z: both are linear in it.
+      const Vector3d slope(flat[j].center_per_mm.x() - flat[i].center_per_mm.x(),
+                           flat[j].center_per_mm.y() - flat[i].center_per_mm.y(),
+                           flat[j].radius_per_mm - flat[i].radius_per_mm);
+      const Vector2d c0 = flat[i].CenterAt(0) - flat[j].CenterAt(0);
+      const Vector3d at0(c0.x(), c0.y(), flat[i].RadiusAt(0) - flat[j].RadiusAt(0));
+      if (slope.squaredNorm() < kMinPlaneAngle * kMinPlaneAngle) continue;
+      const double z = -at0.dot(slope) / slope.squaredNorm();
+      if (z < options.min_height_mm || z > options.max_height_mm || !agree(flat[i], flat[j], z)) continue;
+      Group g{z, {i}};
+      std::vector<bool> seen(views.size());
+      seen[std::size_t(flat[i].ref.view)] = true;
+      for (std::size_t k = 0; k < flat.size(); ++k) {
+        if (seen[std::size_t(flat[k].ref.view)] || !agree(flat[i], flat[k], z)) continue;
+        seen[std::size_t(flat[k].ref.view)] = true;
+        g.members.push_back(k);
+      }
+      if (g.members.size() > best.members.size()) best = std::move(g);
+    }
+    if (best.members.size() >= 2) groups.push_back(std::move(best));
+  }
+  std::stable_sort(groups.begin(), groups.end(),
+                   [](const Group& a, const Group& b) { return a.members.size() > b.members.size(); });
+  std::vector<WorldCircle> out;
+  std::vector<bool> claimed(flat.size());
+  for (const Group& g : groups) {
+    if (claimed[g.members[0]]) continue;
+    WorldCircle c;
+    Vector2d center = Vector2d::Zero();
+    for (std::size_t k : g.members) {
+      if (claimed[k]) continue;
+      claimed[k] = true;
+      center += flat[k].CenterAt(g.z);
+      c.radius_mm += flat[k].RadiusAt(g.z);
+      c.arcs.push_back(flat[k].ref);
+    }
+    c.num_views = int(c.arcs.size());
+    if (c.num_views < 2) continue;
+    center /= c.num_views;
+    c.radius_mm /= c.num_views;
+    c.center = {center.x(), center.y(), g.z};
+    out.push_back(std::move(c));
   }
   return out;
 }

@@ -1,0 +1,495 @@
+#include "vss/identify/hypothesis.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace vss {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+// A face counts as seen from above where its normal rises by this (6 degrees).
+constexpr double kMinRise = 0.1;
+// World lines are parallel to within this (sine).
+constexpr double kMaxSkew = 0.035;
+// Ends of two parallel edges that differ by more pixels than this are two candidates for the end.
+constexpr double kEndTolerancePx = 4;
+// How far (in pixels) the edges of a seed may miss its world lines.
+constexpr double kSeedTolerancePx = 1.5;
+constexpr int kMaxPeaks = 5;
+
+Vector3d EdgeDirection(const WorldSolid& s, const SolidEdge& e) {
+  return s.vertices[std::size_t(e.end)].point - s.vertices[std::size_t(e.start)].point;
+}
+
+PlacedObject UsualObject(const ObjectModel& model, int rest) {
+  PlacedObject o;
+  o.model = &model;
+  o.resting_pose = rest;
+  const std::vector<std::optional<double>> none(model.dimensions().size());
+  o.dimensions_mm = model.UsualDimensions(none);
+  return o;
+}
+
+// Rows of a linear system on the state.
+struct Normal {
+  Eigen::MatrixXd ata;
+  Eigen::VectorXd atb;
+  double chi2 = 0;
+  explicit Normal(int n) : ata(Eigen::MatrixXd::Zero(n, n)), atb(Eigen::VectorXd::Zero(n)) {}
+  void Add(const Eigen::RowVectorXd& j, double residual, double weight) {
+    ata += weight * j.transpose() * j;
+    atb -= weight * residual * j.transpose();
+    chi2 += weight * residual * residual;
+  }
+};
+
+struct EdgeTarget {
+  int edge;
+  Vector3d point, unit;  // the world line
+  double lo, hi;         // its extent along `unit` from `point`
+  bool flip;             // the edge's start lies at hi
+};
+struct CircleTarget {
+  int circle;
+  Vector3d center;
+  double radius;
+};
+
+// Adds what edges on lines and circles on circles demand of `object`.
+double AddTargets(const PlacedObject& object, std::span<const EdgeTarget> edges,
+                  std::span<const CircleTarget> circles, Normal& normal) {
+  constexpr double kAcrossMm = 1.0, kAlongMm = 10.0;  // an edge's ends are known less well than its place
+  const WorldSolid solid = PlaceSolid(object);
+  double worst = 0;
+  for (const auto& t : edges) {
+    const auto& e = solid.edges[std::size_t(t.edge)];
+    const Vector3d e1 = t.unit.unitOrthogonal(), e2 = t.unit.cross(e1);
+    const auto& first = solid.vertices[std::size_t(t.flip ? e.end : e.start)];
+    const auto& last = solid.vertices[std::size_t(t.flip ? e.start : e.end)];
+    for (const auto* v : {&first, &last}) {
+      for (const Vector3d& across : {e1, e2}) {
+        const double r = across.dot(v->point - t.point);
+        normal.Add(across.transpose() * v->by_state, r, 1 / (kAcrossMm * kAcrossMm));
+        worst = std::max(worst, std::abs(r));
+      }
+      const double r = t.unit.dot(v->point - t.point) - (v == &first ? t.lo : t.hi);
+      normal.Add(t.unit.transpose() * v->by_state, r, 1 / (kAlongMm * kAlongMm));
+    }
+  }
+  for (const auto& t : circles) {
+    const auto& c = solid.circles[std::size_t(t.circle)];
+    for (int axis = 0; axis < 3; ++axis) {
+      const double r = c.center.point[axis] - t.center[axis];
+      normal.Add(c.center.by_state.row(axis), r, 1 / (kAcrossMm * kAcrossMm));
+      worst = std::max(worst, std::abs(r));
+    }
+    const double r = c.radius_mm - t.radius;
+    normal.Add(c.radius_by_state, r, 1 / (kAcrossMm * kAcrossMm));
+    worst = std::max(worst, std::abs(r));
+  }
+  return worst;
+}
+
+bool InRange(const PlacedObject& o, double slack_mm) {
+  const auto defs = o.model->dimensions();
+  for (std::size_t i = 0; i < defs.size(); ++i)
+    if (o.dimensions_mm[i] < defs[i].min_mm - slack_mm || o.dimensions_mm[i] > defs[i].max_mm + slack_mm)
+      return false;
+  return true;
+}
+
+bool Allowed(const PlacedObject& o) {
+  for (double v : o.model->Violations(o.dimensions_mm))
+    if (v > 2.0) return false;
+  return true;
+}
+
+class Seeder {
+ public:
+  Seeder(const KindTemplate& kind, const SeedContext& context, double support_z)
+      : kind_(kind),
+        context_(context),
+        support_z_(support_z),
+        usual_(UsualObject(*kind.model, kind.resting_pose)) {
+    usual_.placement[2] = support_z;
+    usual_solid_ = PlaceSolid(usual_);
+  }
+
+  std::vector<Hypothesis> Run(double min_log_odds) {
+    FromPairs();
+    FromRims();
+    std::vector<Hypothesis> out;
+    for (auto& seed : seeds_) {
+      if (!Finish(seed, min_log_odds)) continue;
+      out.push_back(seed);
+    }
+    return out;
+  }
+
+ private:
+  void FromPairs() {
+    const auto lines = context_.lines;
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+      for (std::size_t k = 0; k < lines.size(); ++k) {
+        if (i == k || !MayPair(lines[i], lines[k])) continue;
+        for (const auto& pair : kind_.pairs) FromPair(pair, lines[i], lines[k]);
+      }
+    }
+  }
+
+  static bool MayPair(const WorldLine& a, const WorldLine& b) {
+    if (a.kind == WorldLine::Direction::kVertical || b.kind == WorldLine::Direction::kVertical) return false;
+    const Vector3d u = a.Unit();
+    if (u.cross(b.Unit()).norm() > kMaxSkew) return false;
+    double lo = (b.start - a.start).dot(u), hi = (b.end - a.start).dot(u);
+    if (lo > hi) std::swap(lo, hi);
+    return std::min(hi, a.Length()) - std::max(lo, 0.0) > 0.3 * std::min(hi - lo, a.Length());
+  }
+
+  // `a` for the pair's first edge, `b` for its second.
+  void FromPair(const KindTemplate::Pair& pair, const WorldLine& a, const WorldLine& b) {
+    const Vector3d first =
+        EdgeDirection(usual_solid_, usual_solid_.edges[std::size_t(pair.first)]).normalized();
+    const Vector3d second =
+        EdgeDirection(usual_solid_, usual_solid_.edges[std::size_t(pair.second)]).normalized();
+    const bool inclined = std::abs(first.z()) > 0.05;
+    if (inclined != (a.kind == WorldLine::Direction::kInclined)) return;
+    Vector3d unit = a.Unit();
+    if (inclined && (unit.z() > 0) != (first.z() > 0)) unit = -unit;
+    // Extents along `unit`, from a.start.
+    auto extent = [&](const WorldLine& l) {
+      double lo = (l.start - a.start).dot(unit), hi = (l.end - a.start).dot(unit);
+      if (lo > hi) std::swap(lo, hi);
+      return std::pair{lo, hi};
+    };
+    const auto ea = extent(a), eb = extent(b);
+    std::vector<double> lows{ea.first}, highs{ea.second};
+    const double apart = kEndTolerancePx * context_.mm_per_px;
+    if (pair.same_extent) {
+      if (std::abs(ea.first - eb.first) > apart)
+        lows.push_back(eb.first);
+      else
+        lows[0] = (ea.first + eb.first) / 2;
+      if (std::abs(ea.second - eb.second) > apart)
+        highs.push_back(eb.second);
+      else
+        highs[0] = (ea.second + eb.second) / 2;
+    }
+    for (int flip = 0; flip < (inclined ? 1 : 2); ++flip) {
+      const Vector3d toward = flip ? Vector3d(-unit) : unit;
+      const double yaw = std::atan2(toward.y(), toward.x()) - std::atan2(first.y(), first.x());
+      for (double lo : lows)
+        for (double hi : highs) {
+          if (hi - lo < 2 * context_.mm_per_px) continue;
+          EdgeTarget ta{pair.first, a.start, unit, lo, hi, flip == 1};
+          const double shift = (b.start - a.start).dot(unit);
+          EdgeTarget tb{pair.second,
+                        b.start,
+                        unit,
+                        (pair.same_extent ? lo : eb.first) - shift,
+                        (pair.same_extent ? hi : eb.second) - shift,
+                        (flip == 1) != (second.dot(first) < 0)};
+          const EdgeTarget targets[] = {ta, tb};
+          Seed(yaw, (a.start + a.end) / 2, targets, {});
+        }
+    }
+  }
+
+  void FromRims() {
+    for (const auto& c : context_.circles)
+      for (int rim : kind_.rims) {
+        const CircleTarget target{rim, c.center, c.radius_mm};
+        Seed(0, c.center, {}, {&target, 1});
+      }
+  }
+
+  void Seed(double yaw, const Vector3d& near, std::span<const EdgeTarget> edges,
+            std::span<const CircleTarget> circles) {
+    PlacedObject o = usual_;
+    o.placement[0] = near.x();
+    o.placement[1] = near.y();
+    o.placement[3] = yaw;
+    const int n = o.StateSize();
+    const auto defs = o.model->dimensions();
+    Eigen::MatrixXd covariance;
+    double worst = 0;
+    for (int iteration = 0; iteration < 3; ++iteration) {
+      Normal normal(n);
+      worst = AddTargets(o, edges, circles, normal);
+      if (iteration == 2) break;
+      Eigen::MatrixXd a = normal.ata;
+      Eigen::VectorXd b = normal.atb;
+      for (std::size_t i = 0; i < defs.size(); ++i) {
+        const int at = kPlacementSize + int(i);
+        const double w = 1 / std::pow(PriorSigma(defs[i]), 2);
+        a(at, at) += w;
+        b[at] -= w * (o.dimensions_mm[i] - usual_.dimensions_mm[i]);
+      }
+      for (int held : {2, 3, 4, 5}) {
+        a.row(held).setZero();
+        a.col(held).setZero();
+        a(held, held) = 1;
+        b[held] = 0;
+      }
+      a.diagonal().array() += 1e-9;
+      const Eigen::LDLT<Eigen::MatrixXd> solver(a);
+      const Eigen::VectorXd state = o.State() + Eigen::VectorXd(solver.solve(b));
+      if (!state.allFinite()) return;
+      o.SetState(state);
+      if (iteration == 1) covariance = solver.solve(Eigen::MatrixXd::Identity(n, n));
+    }
+    if (worst > kSeedTolerancePx * context_.mm_per_px) return;
+    if (!InRange(o, 2 * context_.mm_per_px)) return;
+    Hypothesis h;
+    h.object = o;
+    h.determined.resize(defs.size());
+    for (std::size_t i = 0; i < defs.size(); ++i) {
+      h.object.dimensions_mm[i] = std::clamp(o.dimensions_mm[i], defs[i].min_mm, defs[i].max_mm);
+      h.determined[i] =
+          std::sqrt(covariance(kPlacementSize + int(i), kPlacementSize + int(i))) < 0.2 * PriorSigma(defs[i]);
+    }
+    // Re-ask the usual dimensions, now that some are known.
+    std::vector<std::optional<double>> known(defs.size());
+    for (std::size_t i = 0; i < defs.size(); ++i)
+      if (h.determined[i]) known[i] = h.object.dimensions_mm[i];
+    const auto usual = h.object.model->UsualDimensions(known);
+    for (std::size_t i = 0; i < defs.size(); ++i)
+      if (!h.determined[i]) h.object.dimensions_mm[i] = usual[i];
+    if (!Allowed(h.object)) return;
+    for (const auto& other : seeds_)
+      if (SamePlace(other.object, h.object)) return;
+    seeds_.push_back(std::move(h));
+  }
+
+  static double PriorSigma(const DimensionDef& d) { return std::max(10.0, (d.max_mm - d.min_mm) / 4); }
+
+  // Equal to within half a pixel, vertex by vertex in any order.
+  bool SamePlace(const PlacedObject& a, const PlacedObject& b) const {
+    const double near = 0.5 * context_.mm_per_px;
+    if ((a.placement.head<2>() - b.placement.head<2>()).norm() > near) return false;
+    const WorldSolid sa = PlaceSolid(a, false), sb = PlaceSolid(b, false);
+    for (const auto& v : sa.vertices) {
+      bool found = false;
+      for (const auto& w : sb.vertices) found |= (v.point - w.point).squaredNorm() < near * near;
+      if (!found) return false;
+    }
+    for (std::size_t i = 0; i < sa.circles.size(); ++i)
+      if (std::abs(sa.circles[i].radius_mm - sb.circles[i].radius_mm) > near ||
+          (sa.circles[i].center.point - sb.circles[i].center.point).norm() > near)
+        return false;
+    return true;
+  }
+
+  double Score(const PlacedObject& o, const std::vector<int>& views) const {
+    return Weigh(PlaceSolid(o, false), views, context_.scene, {}).log_odds;
+  }
+
+  // Candidates for dimension `d` from the lines of all pictures: values at which predicted contours meet
+  // lines.
+  std::vector<double> Vote(const PlacedObject& o, std::size_t d, const std::vector<int>& views) const {
+    const auto& def = o.model->dimensions()[d];
+    const int column = kPlacementSize + int(d);
+    const WorldSolid solid = PlaceSolid(o);
+    std::vector<std::pair<double, double>> votes;  // value, weight
+    for (int v : views) {
+      const View& view = context_.scene.views[std::size_t(v)];
+      const auto& lines = context_.scene.lines[std::size_t(v)].lines();
+      for (const auto& s : SampleContour(solid, view, 12, 2)) {
+        const Vector3d motion = SampleByState(solid, s).col(column);
+        if (motion.squaredNorm() < 1e-4) continue;
+        const auto ahead = view.ProjectIdeal(s.point_in_world + motion);
+        if (!ahead) continue;
+        const Vector2d step = *ahead - s.ideal;  // px per mm of the dimension
+        const Vector2d normal(-s.ideal_tangent.y(), s.ideal_tangent.x());
+        const double across = step.dot(normal);
+        if (std::abs(across) < 0.2 / context_.mm_per_px) continue;
+        for (const auto& l : lines) {
+          if (std::abs(l.direction.dot(s.ideal_tangent)) < 0.998) continue;
+          const double delta = (l.start - s.ideal).dot(l.normal) / step.dot(l.normal);
+          const double value = o.dimensions_mm[d] + delta;
+          if (!(value >= def.min_mm && value <= def.max_mm)) continue;
+          const double along = (s.ideal + delta * step - l.start).dot(l.direction);
+          if (along < -1 || along > l.length_px + 1) continue;
+          votes.push_back({value, std::abs(across) * context_.mm_per_px});
+        }
+      }
+    }
+    std::sort(votes.begin(), votes.end());
+    std::vector<double> prefix(votes.size() + 1);
+    for (std::size_t i = 0; i < votes.size(); ++i) prefix[i + 1] = prefix[i] + votes[i].second;
+    const double width = 1.0 * context_.mm_per_px;
+    std::vector<std::pair<double, double>> windows;  // weight, value
+    for (std::size_t i = 0, j = 0; i < votes.size(); ++i) {
+      while (j < votes.size() && votes[j].first <= votes[i].first + width) ++j;
+      windows.push_back({prefix[j] - prefix[i], votes[(i + j - 1) / 2].first});
+    }
+    std::stable_sort(windows.begin(), windows.end(),
+                     [](const auto& a, const auto& b) { return a.first > b.first; });
+    std::vector<double> peaks;
+    for (const auto& w : windows) {
+      if (int(peaks.size()) == kMaxPeaks) break;
+      const bool near = std::any_of(peaks.begin(), peaks.end(),
+                                    [&](double p) { return std::abs(p - w.second) < 1.5 * width; });
+      if (!near) peaks.push_back(w.second);
+    }
+    return peaks;
+  }
+
+  // A rim whose place the seed left open, from the world's circles at its height.
+  void CompleteRims(Hypothesis& h, const std::vector<int>& views) const {
+    const WorldSolid solid = PlaceSolid(h.object);
+    double best_score = Score(h.object, views);
+    PlacedObject best = h.object;
+    bool found = false;
+    for (int rim : kind_.rims) {
+      const auto& c = solid.circles[std::size_t(rim)];
+      bool open = false;
+      for (std::size_t d = 0; d < h.determined.size(); ++d)
+        open |= !h.determined[d] && (c.radius_by_state[kPlacementSize + int(d)] != 0 ||
+                                     c.center.by_state.col(kPlacementSize + int(d)).norm() > 0);
+      if (!open) continue;
+      for (const auto& w : context_.circles) {
+        if (std::abs(w.center.z() - c.center.point.z()) > 3 * context_.mm_per_px) continue;
+        PlacedObject o = h.object;
+        const CircleTarget target{rim, {w.center.x(), w.center.y(), c.center.point.z()}, w.radius_mm};
+        double worst = 0;
+        for (int iteration = 0; iteration < 3; ++iteration) {
+          Normal normal(o.StateSize());
+          worst = AddTargets(o, {}, {&target, 1}, normal);
+          Eigen::MatrixXd a = normal.ata;
+          Eigen::VectorXd b = normal.atb;
+          a.diagonal().array() += 1e-6;
+          for (int i = 0; i < o.StateSize(); ++i) {
+            if (i >= kPlacementSize && !h.determined[std::size_t(i - kPlacementSize)]) continue;
+            a.row(i).setZero();
+            a.col(i).setZero();
+            a(i, i) = 1;
+            b[i] = 0;
+          }
+          o.SetState(o.State() + Eigen::VectorXd(a.ldlt().solve(b)));
+        }
+        if (worst > kSeedTolerancePx * context_.mm_per_px || !InRange(o, 0) || !Allowed(o)) continue;
+        const double score = Score(o, views);
+        if (score > best_score) {
+          best_score = score;
+          best = o;
+          found = true;
+        }
+      }
+    }
+    if (!found) return;
+    h.object = best;
+    for (std::size_t d = 0; d < h.determined.size(); ++d)
+      for (int rim : kind_.rims) {
+        const auto& c = solid.circles[std::size_t(rim)];
+        if (c.radius_by_state[kPlacementSize + int(d)] != 0 ||
+            c.center.by_state.col(kPlacementSize + int(d)).norm() > 0)
+          h.determined[d] = true;
+      }
+  }
+
+  bool Finish(Hypothesis& h, double min_log_odds) const {
+    h.views = ViewsThatSee(PlaceSolid(h.object, false), context_.scene.views, context_.max_views);
+    if (h.views.empty()) return false;
+    if (!kind_.rims.empty() && !kind_.pairs.empty()) CompleteRims(h, h.views);
+    for (int pass = 0; pass < 2; ++pass)
+      for (std::size_t d = 0; d < h.determined.size(); ++d) {
+        if (h.determined[d]) continue;
+        double best = Score(h.object, h.views), value = h.object.dimensions_mm[d];
+        for (double candidate : Vote(h.object, d, h.views)) {
+          PlacedObject o = h.object;
+          o.dimensions_mm[d] = candidate;
+          if (!Allowed(o)) continue;
+          const double score = Score(o, h.views);
+          if (score <= best) continue;
+          best = score;
+          value = candidate;
+        }
+        h.object.dimensions_mm[d] = value;
+      }
+    if (Score(h.object, h.views) < 0.3 * min_log_odds) return false;
+    return RefineAndWeigh(h, context_) && h.log_odds >= min_log_odds;
+  }
+
+  const KindTemplate& kind_;
+  const SeedContext& context_;
+  double support_z_;
+  PlacedObject usual_;
+  WorldSolid usual_solid_;
+  std::vector<Hypothesis> seeds_;
+};
+
+}  // namespace
+
+std::vector<KindTemplate> MakeTemplates(const KnowledgeBase& knowledge) {
+  std::vector<KindTemplate> out;
+  for (const auto& model : knowledge.objects) {
+    for (std::size_t rest = 0; rest < model->resting_poses().size(); ++rest) {
+      KindTemplate t;
+      t.model = model.get();
+      t.resting_pose = int(rest);
+      const WorldSolid solid = PlaceSolid(UsualObject(*model, int(rest)));
+      auto above = [&](int face) {
+        const auto& f = solid.faces[std::size_t(face)];
+        return !f.is_cylinder && f.normal_in_part.z() > kMinRise;
+      };
+      for (std::size_t i = 0; i < solid.edges.size(); ++i)
+        for (std::size_t k = i + 1; k < solid.edges.size(); ++k) {
+          const auto &a = solid.edges[i], &b = solid.edges[k];
+          if (a.weight <= 0 || b.weight <= 0) continue;
+          int shared = -1;
+          for (int f : {a.left_face, a.right_face})
+            if ((f == b.left_face || f == b.right_face) && above(f)) shared = f;
+          if (shared < 0) continue;
+          const Vector3d da = EdgeDirection(solid, a), db = EdgeDirection(solid, b);
+          if (da.normalized().cross(db.normalized()).norm() > 1e-6) continue;
+          const Vector3d unit = da.normalized();
+          // Same extent at all dimensions: the ends' difference along the edge does not depend on any.
+          auto along = [&](int vertex) {
+            const auto& v = solid.vertices[std::size_t(vertex)];
+            return std::pair{unit.dot(v.point), Eigen::RowVectorXd(unit.transpose() * v.by_state)};
+          };
+          const bool turned = da.dot(db) < 0;
+          const auto as = along(a.start), ae = along(a.end), bs = along(turned ? b.end : b.start),
+                     be = along(turned ? b.start : b.end);
+          const bool same = std::abs(as.first - bs.first) + std::abs(ae.first - be.first) < 1e-6 &&
+                            (as.second - bs.second).tail(int(model->dimensions().size())).norm() +
+                                    (ae.second - be.second).tail(int(model->dimensions().size())).norm() <
+                                1e-9;
+          t.pairs.push_back({int(i), int(k), same});
+        }
+      for (std::size_t i = 0; i < solid.circles.size(); ++i)
+        if (above(solid.circles[i].plane_face)) t.rims.push_back(int(i));
+      out.push_back(std::move(t));
+    }
+  }
+  return out;
+}
+
+std::vector<Hypothesis> Hypothesise(const KindTemplate& kind, const SeedContext& context, double support_z_mm,
+                                    double min_log_odds) {
+  return Seeder(kind, context, support_z_mm).Run(min_log_odds);
+}
+
+bool RefineAndWeigh(Hypothesis& h, const SeedContext& context, const Occluders* others,
+                    const Claims* claims) {
+  std::vector<bool> free(std::size_t(h.object.StateSize()), true);
+  free[2] = free[4] = free[5] = false;
+  const PlacedObject before = h.object;
+  const double tolerance = context.scene.tolerance_px;
+  FitToLines(h.object, h.views, context.scene, free, 3 * tolerance, tolerance, 6, others);
+  if (!Allowed(h.object) ||
+      (h.object.placement.head<2>() - before.placement.head<2>()).norm() > 30 * context.mm_per_px)
+    h.object = before;
+  const WorldSolid solid = PlaceSolid(h.object, false);
+  h.views = ViewsThatSee(solid, context.scene.views, context.max_views);
+  h.log_odds = Weigh(solid, h.views, context.scene, {}, others, claims).log_odds;
+  return true;
+}
+
+}  // namespace vss

@@ -1,0 +1,56 @@
+// Hypotheses: an object of the knowledge base laid on edges of the world.
+//
+// A seed is a pair of parallel world lines taken for a pair of parallel contour edges of one face that is
+// seen from above, or a world circle taken for a rim. It fixes place and most dimensions by least squares
+// (the vertices of an extruded solid are linear in them); dimensions that it leaves open are voted for by all
+// lines of all pictures.
+#pragma once
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "vss/identify/placed_object.h"
+#include "vss/identify/weigh.h"
+#include "vss/identify/world_line.h"
+
+namespace vss {
+
+struct Hypothesis {
+  PlacedObject object;
+  double log_odds = 0;
+  std::vector<int> views;
+  std::vector<bool> determined;  // per dimension
+  int support = -1;  // index of the hypothesis' support in a list that the caller keeps; -1: ground
+};
+
+// An object in one resting pose, prepared for seeding.
+struct KindTemplate {
+  const ObjectModel* model = nullptr;
+  int resting_pose = 0;
+  struct Pair {
+    int first, second;  // edges, parallel, of one face seen from above
+    bool same_extent;   // their ends lie side by side whatever the dimensions
+  };
+  std::vector<Pair> pairs;
+  std::vector<int> rims;  // circles of a face seen from above
+};
+std::vector<KindTemplate> MakeTemplates(const KnowledgeBase& knowledge);
+
+struct SeedContext {
+  const SceneIndex& scene;
+  std::span<const WorldLine> lines;
+  std::span<const WorldCircle> circles;
+  double mm_per_px = 1;  // typical size of a pixel in the scene
+  int max_views = 12;    // per weighing
+};
+
+// All hypotheses of one template on a support at height `support_z_mm`, refined and weighed, those above
+// `min_log_odds`.
+std::vector<Hypothesis> Hypothesise(const KindTemplate& kind, const SeedContext& context, double support_z_mm,
+                                    double min_log_odds);
+
+// Fits `object` to the lines (z and tilt held), weighs it. False where the fit runs away.
+bool RefineAndWeigh(Hypothesis& hypothesis, const SeedContext& context, const Occluders* others = nullptr,
+                    const Claims* claims = nullptr);
+
+}  // namespace vss

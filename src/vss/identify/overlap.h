@@ -1,0 +1,21 @@
+// Do two solids share room?
+#pragma once
+#include "vss/identify/placed_object.h"
+
+namespace vss {
+
+// A solid prepared for many questions.
+struct Volume {
+  Eigen::AlignedBox3d box;
+  std::vector<std::array<Eigen::Vector3d, 3>> triangles;
+  double mm3 = 0;
+
+  bool Contains(const Eigen::Vector3d& point) const;
+};
+Volume MakeVolume(const WorldSolid& solid);
+
+// The share of the smaller solid's volume that both fill, 0 to 1, on a fixed grid of sample points. Solids
+// that sink into each other by less than `touch_mm` only touch: 0.
+double SharedVolume(const Volume& a, const Volume& b, double touch_mm);
+
+}  // namespace vss
