@@ -131,6 +131,11 @@ std::vector<double> UsualDimensions(const Definition& definition,
   return x;
 }
 
+std::vector<double> NearestAllowed(const Definition& definition, std::vector<double> dimensions_mm) {
+  Repair(definition, std::vector<bool>(dimensions_mm.size(), false), dimensions_mm);
+  return dimensions_mm;
+}
+
 Status CheckConstraintsCanHold(const Definition& definition) {
   std::vector<Interval> ranges;
   for (const DimensionDef& d : definition.dimensions) ranges.push_back({d.min_mm, d.max_mm});

@@ -22,6 +22,10 @@ std::vector<ConstraintGap> ConstraintGaps(const Definition& definition,
 std::vector<double> UsualDimensions(const Definition& definition,
                                     std::span<const std::optional<double>> known);
 
+// The dimensions near `dimensions_mm` that keep ranges and constraints, as far as a projection onto them
+// finds some.
+std::vector<double> NearestAllowed(const Definition& definition, std::vector<double> dimensions_mm);
+
 // An error at the constraint that cannot be kept: alone within the ranges, or together with the others.
 Status CheckConstraintsCanHold(const Definition& definition);
 
