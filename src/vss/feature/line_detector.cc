@@ -6,6 +6,7 @@
 #include "vss/feature/edge_points.h"
 #include "vss/feature/ellipse_fit.h"
 #include "vss/feature/line_image.h"
+#include "vss/feature/line_refine.h"
 #include "vss/feature/straight_pieces.h"
 #include "vss/feature/undistortion_grid.h"
 #include "vss/geometry/rigid_transform.h"
@@ -24,6 +25,7 @@ struct LineWorkspace::Buffers {
   std::vector<StraightPiece> pieces;
   std::vector<char> used;  // by an arc, per point in order
   std::vector<Eigen::Vector2d> arc_points, arc_ideal;
+  RefineBuffers refine;
 };
 
 LineWorkspace::LineWorkspace() : buffers_(std::make_unique<Buffers>()) {}
@@ -396,18 +398,6 @@ bool Accepted(const Scene& s, const LineSegment& x, double strength) {
          Significance(strength, length, s.b.noise.TextureAt(u, v)) > s.options.min_significance;
 }
 
-void MarkEnds(const Scene& s, LineImage& out) {
-  constexpr double kBorderPx = 4;
-  auto at_border = [&](const Vector2d& p) {
-    return p.x() < kBorderPx || p.y() < kBorderPx || p.x() > s.image.width - 1 - kBorderPx ||
-           p.y() > s.image.height - 1 - kBorderPx;
-  };
-  for (auto& x : out.segments) {
-    if (at_border(x.start)) x.start_kind = SegmentEnd::kBorder;
-    if (at_border(x.end)) x.end_kind = SegmentEnd::kBorder;
-  }
-}
-
 }  // namespace
 
 LineImage DetectLines(const GreyView& image, const Intrinsics* lens, const LineOptions& options,
@@ -435,7 +425,9 @@ LineImage DetectLines(const GreyView& image, const Intrinsics* lens, const LineO
     const LineSegment segment = SegmentOf(s, state);
     if (Accepted(s, segment, state.strength)) out.segments.push_back(segment);
   }
-  MarkEnds(s, out);
+  const RefineContext refine{image, lens, s.b.noise, s.b.edges.simd};
+  RefinePlaces(refine, out.segments, s.b.refine);
+  RefineEnds(refine, out.segments, s.b.refine);
   return out;
 }
 

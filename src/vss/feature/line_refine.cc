@@ -1,0 +1,343 @@
+#include "vss/feature/line_refine.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace vss {
+namespace {
+
+using Eigen::Vector2d;
+
+constexpr double kReachPx = 4;     // of the strip on either side
+constexpr double kMarginPx = 2.5;  // an edge of usual blur has reached its levels at this distance
+constexpr double kPairPx = 5.5;    // parallel edges nearer than this are fitted together
+constexpr double kNearPx = kReachPx + kMarginPx + 2;
+
+Vector2d ImgOf(const Intrinsics* lens, const Vector2d& ideal) {
+  if (!lens) return ideal;
+  return lens->ImgFromNormalized(lens->NormalizedFromIdeal(ideal)).value_or(ideal);
+}
+
+Vector2d IdealOf(const Intrinsics* lens, const Vector2d& img) {
+  if (!lens) return img;
+  const auto n = lens->NormalizedFromImg(img);
+  return n ? lens->IdealFromNormalized(*n) : img;
+}
+
+double NoiseAt(const NoiseMap& noise, const GreyView& image, const Vector2d& p) {
+  return noise.At(std::clamp(static_cast<int>(p.x()), 0, image.width - 1),
+                  std::clamp(static_cast<int>(p.y()), 0, image.height - 1));
+}
+
+StripFrame FrameOf(const Intrinsics* lens, const LineSegment& s) {
+  StripFrame f;
+  const Vector2d chord = s.end - s.start;
+  const double length = chord.norm();
+  f.middle = 0.5 * (s.start + s.end);
+  f.along = chord / length;
+  f.across = {f.along.y(), -f.along.x()};
+  f.from = -0.5 * length, f.to = 0.5 * length;
+  if (!lens) return f;
+  for (int i = 0; i < StripFrame::kNodes; ++i) {
+    const double share = double(i) / (StripFrame::kNodes - 1);
+    const Vector2d d = ImgOf(lens, s.ideal_start + (s.ideal_end - s.ideal_start) * share) - f.middle;
+    f.node[i] = f.along.dot(d), f.difference[i] = f.across.dot(d);
+  }
+  for (int k = 1; k < StripFrame::kNodes; ++k)
+    for (int i = StripFrame::kNodes - 1; i >= k; --i)
+      f.difference[i] = (f.difference[i] - f.difference[i - 1]) / (f.node[i] - f.node[i - k]);
+  return f;
+}
+
+Vector2d InFrame(const StripFrame& f, const Vector2d& p) {
+  const Vector2d d = p - f.middle;
+  const double a = f.along.dot(d);
+  return {a, f.across.dot(d) - f.Sag(std::clamp(a, f.from, f.to))};
+}
+
+// Segments by the cells that they cross, for neighbourhood queries.
+constexpr int kCellPx = 32;
+
+struct Grid {
+  int columns, rows;
+};
+
+template <class Visit>
+void ForCells(const Grid& grid, const LineSegment& s, double margin, const Visit& visit) {
+  const double u0 = std::min(s.start.x(), s.end.x()) - margin, u1 = std::max(s.start.x(), s.end.x()) + margin;
+  const double v0 = std::min(s.start.y(), s.end.y()) - margin, v1 = std::max(s.start.y(), s.end.y()) + margin;
+  const Vector2d d = s.end - s.start;
+  const double length = std::max(d.norm(), 1e-9), reach = margin + 0.75 * kCellPx;
+  auto cell = [](double x, int n) { return std::clamp(static_cast<int>(x / kCellPx), 0, n - 1); };
+  for (int y = cell(v0, grid.rows); y <= cell(v1, grid.rows); ++y)
+    for (int x = cell(u0, grid.columns); x <= cell(u1, grid.columns); ++x) {
+      const Vector2d centre((x + 0.5) * kCellPx, (y + 0.5) * kCellPx), e = centre - s.start;
+      if (std::abs(d.x() * e.y() - d.y() * e.x()) / length <= reach) visit(std::size_t(y) * grid.columns + x);
+    }
+}
+
+Grid BuildGrid(const GreyView& image, const std::vector<LineSegment>& segments, RefineBuffers& b) {
+  const Grid grid{image.width / kCellPx + 1, image.height / kCellPx + 1};
+  b.cell_start.assign(std::size_t(grid.columns) * grid.rows + 1, 0);
+  for (const auto& s : segments) ForCells(grid, s, 0, [&](std::size_t c) { ++b.cell_start[c + 1]; });
+  for (std::size_t c = 0; c + 1 < b.cell_start.size(); ++c) b.cell_start[c + 1] += b.cell_start[c];
+  b.cell_items.resize(b.cell_start.back());
+  for (std::size_t i = segments.size(); i-- > 0;)
+    ForCells(grid, segments[i], 0,
+             [&](std::size_t c) { b.cell_items[--b.cell_start[c + 1]] = static_cast<std::uint32_t>(i); });
+  // Filling moved every start one to the left of where it stands.
+  for (std::size_t c = 0; c + 1 < b.cell_start.size(); ++c) b.cell_start[c] = b.cell_start[c + 1];
+  b.cell_start.back() = static_cast<std::uint32_t>(b.cell_items.size());
+  b.seen.assign(segments.size(), 0);
+  return grid;
+}
+
+// Indices of the other segments whose cells lie within `margin` of segment `i`, ascending.
+void FindNearby(const Grid& grid, const std::vector<LineSegment>& segments, std::size_t i, double margin,
+                RefineBuffers& b) {
+  b.nearby.clear();
+  const auto stamp = static_cast<std::uint32_t>(i + 1);
+  ForCells(grid, segments[i], margin, [&](std::size_t c) {
+    for (auto k = b.cell_start[c]; k < b.cell_start[c + 1]; ++k) {
+      const auto j = b.cell_items[k];
+      if (j == i || b.seen[j] == stamp) continue;
+      b.seen[j] = stamp;
+      b.nearby.push_back(j);
+    }
+  });
+  std::sort(b.nearby.begin(), b.nearby.end());
+}
+
+struct Surroundings {
+  int partner = -1;  // a parallel edge so near that both are fitted together
+  StripEdge partner_edge{};
+};
+
+Surroundings Survey(const StripFrame& f, const std::vector<LineSegment>& segments, RefineBuffers& b) {
+  constexpr double kParallel = 0.12;   // slope
+  constexpr double kMinOverlap = 0.5;  // of the segment's length
+  Surroundings out;
+  double nearest = kPairPx;
+  b.neighbours.clear();
+  std::size_t partner_place = 0;
+  for (const auto j : b.nearby) {
+    const Vector2d p = InFrame(f, segments[j].start), q = InFrame(f, segments[j].end);
+    const double low = std::min(p.x(), q.x()), high = std::max(p.x(), q.x());
+    if (high < f.from - kNearPx || low > f.to + kNearPx || std::min(p.y(), q.y()) > kNearPx ||
+        std::max(p.y(), q.y()) < -kNearPx)
+      continue;
+    b.neighbours.push_back({p, q});
+    const double slope = (q.y() - p.y()) / (q.x() - p.x());
+    const double overlap = std::min(high, f.to) - std::max(low, f.from);
+    const double at = p.y() - slope * p.x();
+    if (!(std::abs(slope) < kParallel) || overlap < kMinOverlap * (f.to - f.from) ||
+        std::abs(at) >= nearest || std::abs(at) < 0.7)
+      continue;
+    nearest = std::abs(at);
+    out.partner = static_cast<int>(j);
+    const bool same = q.x() > p.x();
+    out.partner_edge = {at, slope, same ? segments[j].contrast : -segments[j].contrast,
+                        Eigen::Matrix2d::Zero()};
+    partner_place = b.neighbours.size() - 1;
+  }
+  if (out.partner >= 0) b.neighbours.erase(b.neighbours.begin() + std::ptrdiff_t(partner_place));
+  return out;
+}
+
+// Sub-pixel part of the strip's ends that corners and the raw end's own error may spoil.
+double EndMargin(double length) { return std::clamp(0.12 * length, 0.5, 2.5); }
+
+struct Gate {
+  double max_move_px = 1;
+  double min_contrast_share = 0.3, max_contrast_share = 3;
+};
+
+bool Passes(const StripFit& fit, const StripEdge& edge, const StripFrame& f, double raw_contrast) {
+  const Gate gate;
+  if (!fit.ok) return false;
+  const double a = edge.offset + edge.slope * f.from, b = edge.offset + edge.slope * f.to;
+  if (std::max(std::abs(a), std::abs(b)) > gate.max_move_px) return false;
+  return edge.contrast > gate.min_contrast_share * raw_contrast &&
+         edge.contrast < gate.max_contrast_share * raw_contrast;
+}
+
+void Apply(const Intrinsics* lens, const StripFrame& f, const StripFit& fit, const StripEdge& edge,
+           LineSegment& s) {
+  auto img = [&](double a) {
+    return Vector2d(f.middle + a * f.along + (f.Sag(a) + edge.offset + edge.slope * a) * f.across);
+  };
+  s.start = img(f.from), s.end = img(f.to);
+  s.ideal_start = IdealOf(lens, s.start), s.ideal_end = IdealOf(lens, s.end);
+  s.contrast = edge.contrast;
+  constexpr double kPixelVariance = 1.0 / 12;
+  s.blur_px = std::sqrt(std::max(0.0, fit.blur_px * fit.blur_px - kPixelVariance));
+  s.rms_distance_px = fit.rms_px;
+  // The covariance at the middle of the columns that took part, where offset and angle are all but
+  // uncorrelated.
+  const double at = 0.5 * (fit.from + fit.to);
+  const auto& c = edge.covariance;
+  s.sigma_offset_px = std::sqrt(std::max(0.0, c(0, 0) + 2 * at * c(0, 1) + at * at * c(1, 1)));
+  s.sigma_angle_rad = std::sqrt(std::max(0.0, c(1, 1)));
+  s.num_points = fit.num_columns;
+}
+
+StripFit FitFor(const RefineContext& x, StripFrame frame, const LineSegment& s, const Surroundings& around,
+                int* edge_index, RefineBuffers& b) {
+  StripSettings settings;
+  settings.reach_px = kReachPx, settings.margin_px = kMarginPx;
+  settings.noise_sigma = NoiseAt(x.noise, x.image, frame.middle);
+  settings.start_blur_px = std::clamp(std::hypot(s.blur_px, 0.29), 0.6, 2.0);
+  const double margin = EndMargin(frame.to - frame.from);
+  frame.from += margin, frame.to -= margin;
+  StripEdge edges[2] = {{0, 0, s.contrast, Eigen::Matrix2d::Zero()}, around.partner_edge};
+  *edge_index = 0;
+  if (around.partner >= 0 && edges[1].offset < 0) std::swap(edges[0], edges[1]), *edge_index = 1;
+  const std::size_t count = around.partner >= 0 ? 2 : 1;
+  StripFit fit = FitStrip(x.image, frame, std::span(edges, count), b.neighbours, settings, x.simd, b.strip);
+  for (int i = 0; i < 2 && !fit.ok; ++i) {
+    // Too little is left between the neighbours: come nearer to them, then take what there is.
+    settings.margin_px = i == 0 ? 0.6 * kMarginPx : 0.3 * kMarginPx;
+    fit = FitStrip(x.image, frame, std::span(edges, count), b.neighbours, settings, x.simd, b.strip);
+  }
+  return fit;
+}
+
+}  // namespace
+
+void RefinePlaces(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {
+  b.before = segments;
+  const Grid grid = BuildGrid(x.image, b.before, b);
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    LineSegment& s = segments[i];
+    const StripFrame frame = FrameOf(x.lens, s);
+    FindNearby(grid, b.before, i, kNearPx, b);
+    const Surroundings around = Survey(frame, b.before, b);
+    int index = 0;
+    const StripFit fit = FitFor(x, frame, s, around, &index, b);
+    if (Passes(fit, fit.edges[index], frame, s.contrast)) Apply(x.lens, frame, fit, fit.edges[index], s);
+  }
+}
+
+// ---- ends ----
+
+namespace {
+
+double Sample(const GreyView& image, const Vector2d& p) {
+  const double u = std::clamp(p.x(), 0.0, image.width - 1.001),
+               v = std::clamp(p.y(), 0.0, image.height - 1.001);
+  const int iu = static_cast<int>(u), iv = static_cast<int>(v);
+  const double a = u - iu, b = v - iv;
+  return (1 - b) * ((1 - a) * image.At(iu, iv) + a * image.At(iu + 1, iv)) +
+         b * ((1 - a) * image.At(iu, iv + 1) + a * image.At(iu + 1, iv + 1));
+}
+
+// Difference of the two sides of the line at a place of it (ideal).
+double StepAt(const RefineContext& x, const Vector2d& at, const Vector2d& along) {
+  const Vector2d left(along.y(), -along.x());
+  double sum = 0;
+  for (const double side : {1.25, 2.25})
+    sum +=
+        Sample(x.image, ImgOf(x.lens, at + side * left)) - Sample(x.image, ImgOf(x.lens, at - side * left));
+  return sum / 2;
+}
+
+bool Inside(const GreyView& image, const Vector2d& p, double border) {
+  return p.x() >= border && p.y() >= border && p.x() <= image.width - 1 - border &&
+         p.y() <= image.height - 1 - border;
+}
+
+// How far (px, ideal, outward positive) the edge goes on beyond its raw end: the cut that explains the steps
+// seen best as full contrast before it and none behind (the largest cumulated sum of step minus half a
+// contrast).
+double FreeEnd(const RefineContext& x, const Vector2d& end, const Vector2d& outward, const Vector2d& along,
+               double contrast, double length) {
+  constexpr double kInsidePx = 5, kStepPx = 0.5;
+  constexpr double kGiveUpPx = 4;  // so much of missing edge ends the search
+  const double inside = std::min(kInsidePx, length / 2), most = std::max(8.0, 0.5 * length);
+  double sum = 0, best = 0, cut = -inside;
+  for (double a = -inside; a < most; a += kStepPx) {
+    const Vector2d p = end + a * outward;
+    if (!Inside(x.image, ImgOf(x.lens, p), 0)) break;
+    sum += kStepPx * (StepAt(x, p, along) / contrast - 0.5);
+    if (sum > best) best = sum, cut = a + 0.5 * kStepPx;
+    if (sum < best - 0.5 * kGiveUpPx) break;
+  }
+  return cut;
+}
+
+struct Meeting {
+  int other = -1;
+  Vector2d at = {0, 0};
+};
+
+// Where the line of segment `i`, near its end, meets the line of another segment that is there.
+Meeting FindMeeting(const std::vector<LineSegment>& all, std::size_t i, bool at_end,
+                    const std::vector<std::uint32_t>& nearby) {
+  constexpr double kReachPx =
+      5;  // an end lies no farther from its corner: rounding of the corner, and what cuts leave
+  constexpr double kMinSine = 0.17;  // 10 degrees
+  const LineSegment& s = all[i];
+  const Vector2d end = at_end ? s.ideal_end : s.ideal_start, d = (s.ideal_end - s.ideal_start).normalized();
+  Meeting best;
+  double best_cost = 1e9;
+  for (const auto j : nearby) {
+    const LineSegment& o = all[j];
+    const Vector2d e = o.ideal_end - o.ideal_start;
+    const double length = e.norm();
+    if (!(length > 0)) continue;
+    const Vector2d f = e / length;
+    const double sine = d.x() * f.y() - d.y() * f.x();
+    if (std::abs(sine) < kMinSine) continue;
+    const Vector2d w = o.ideal_start - end;
+    const double along = (w.x() * f.y() - w.y() * f.x()) / sine;  // of the crossing, from the end
+    const Vector2d cross = end + along * d;
+    const double on_other = (cross - o.ideal_start).dot(f);
+    const double beyond = std::max({0.0, -on_other, on_other - length});
+    if (std::abs(along) > kReachPx || beyond > kReachPx) continue;
+    const double cost = std::abs(along) + beyond;
+    if (cost < best_cost) best_cost = cost, best = {static_cast<int>(j), cross};
+  }
+  return best;
+}
+
+void SetEnd(const Intrinsics* lens, LineSegment& s, bool at_end, const Vector2d& ideal) {
+  (at_end ? s.ideal_end : s.ideal_start) = ideal;
+  (at_end ? s.end : s.start) = ImgOf(lens, ideal);
+}
+
+void MarkBorders(const GreyView& image, LineSegment& s) {
+  constexpr double kBorderPx = 4;
+  if (!Inside(image, s.start, kBorderPx)) s.start_kind = SegmentEnd::kBorder;
+  if (!Inside(image, s.end, kBorderPx)) s.end_kind = SegmentEnd::kBorder;
+}
+
+}  // namespace
+
+void RefineEnds(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {
+  for (auto& s : segments) {
+    const Vector2d d = (s.ideal_end - s.ideal_start).normalized();
+    const double length = (s.ideal_end - s.ideal_start).norm();
+    const Vector2d start = s.ideal_start - FreeEnd(x, s.ideal_start, -d, d, s.contrast, length) * d;
+    const Vector2d end = s.ideal_end + FreeEnd(x, s.ideal_end, d, d, s.contrast, length) * d;
+    if ((end - start).dot(d) < 0.5 * length) continue;
+    SetEnd(x.lens, s, false, start);
+    SetEnd(x.lens, s, true, end);
+  }
+  b.before = segments;
+  const Grid grid = BuildGrid(x.image, b.before, b);
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    LineSegment& s = segments[i];
+    FindNearby(grid, b.before, i, kNearPx, b);
+    for (const bool at_end : {false, true}) {
+      const Meeting m = FindMeeting(b.before, i, at_end, b.nearby);
+      if (m.other < 0) continue;
+      SetEnd(x.lens, s, at_end, m.at);
+      (at_end ? s.end_kind : s.start_kind) = SegmentEnd::kJunction;
+      (at_end ? s.end_junction : s.start_junction) = m.other;
+    }
+    MarkBorders(x.image, s);
+  }
+}
+
+}  // namespace vss

@@ -1,0 +1,79 @@
+// Maximum likelihood of an edge (or of two close ones) on the pixels about it.
+//
+// Model: grey = b(a) + sum_i c_i(a) Phi((t - o_i - k_i a) / s) with a along, t across the edge (px, bright
+// side positive), levels linear in a, s the blur of lens and pixel. Gauss-Newton on everything; Gaussian
+// noise makes that the maximum of likelihood, whose variance is the Cramer-Rao bound.
+#pragma once
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "vss/feature/edge_points.h"
+#include "vss/image/grey_image.h"
+
+namespace vss {
+
+// The frame of a strip: a point has a = along . (p - middle), t = across . (p - middle) - sag(a); `across`
+// points to the bright side. sag(a) is the bend that the lens gives a straight edge (px): the polynomial
+// through kNodes points of it, in Newton's form; all zero without a lens.
+struct StripFrame {
+  static constexpr int kNodes = 6;
+
+  Eigen::Vector2d middle = {0, 0}, along = {1, 0}, across = {0, -1};
+  double from = 0, to = 0;  // of the edge, along
+  double node[kNodes] = {}, difference[kNodes] = {};
+
+  double Sag(double a) const {
+    double y = difference[kNodes - 1];
+    for (int i = kNodes - 1; i-- > 0;) y = y * (a - node[i]) + difference[i];
+    return y;
+  }
+  double SagSlope(double a) const {
+    double y = difference[kNodes - 1], slope = 0;
+    for (int i = kNodes - 1; i-- > 0;)
+      slope = slope * (a - node[i]) + y, y = y * (a - node[i]) + difference[i];
+    return slope;
+  }
+};
+
+// Another edge in the frame: pixels near it do not take part.
+struct StripNeighbour {
+  Eigen::Vector2d from = {0, 0}, to = {0, 0};  // (a, t)
+};
+
+struct StripEdge {
+  double offset = 0, slope = 0;                          // t = offset + slope a
+  double contrast = 0;                                   // positive: bright where t is larger
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // of offset at a = 0 and slope
+};
+
+struct StripFit {
+  bool ok = false;
+  StripEdge edges[2];
+  double blur_px = 0;         // lens and pixel: s of the model
+  double residual_sigma = 0;  // grey levels
+  double rms_px = 0;          // of single columns' places about the line
+  int num_columns = 0;
+  double from = 0, to = 0;  // along, of the columns that took part
+};
+
+struct StripBuffers {
+  std::vector<float> along, across, grey, weight;  // per pixel
+  std::vector<std::uint32_t> column_start;
+  std::vector<float> column_place, column_along, sorted;
+};
+
+struct StripSettings {
+  double reach_px = 4;     // how far pixels are taken on either side
+  double margin_px = 2.5;  // distance to neighbours, and from the ends
+  double noise_sigma = 1;  // grey levels
+  double start_blur_px = 1;
+};
+
+// `start`: one edge, or two (in order of t). Pixels come from the frame's [from, to].
+StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<const StripEdge> start,
+                  std::span<const StripNeighbour> neighbours, const StripSettings& settings, Simd simd,
+                  StripBuffers& buffers);
+
+}  // namespace vss
