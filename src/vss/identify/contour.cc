@@ -56,7 +56,9 @@ struct Sampler {
     return (f.is_hole ? -1.0 : 1.0) * out.dot(view.center_in_world - at) > 0;
   }
 
-  void Add(ContourSample sample, const Vector3d& tangent, int face_a, int face_b) {
+  // `lift` (mm): where the ray that asks for visibility ends, against the sample's own point.
+  void Add(ContourSample sample, const Vector3d& tangent, int face_a, int face_b,
+           const Vector3d& lift = Vector3d::Zero()) {
     const auto img = view.ProjectInside(sample.point_in_world);
     if (!img) return;
     const bool a = FaceFront(face_a, sample.point_in_world), b = FaceFront(face_b, sample.point_in_world);
@@ -71,8 +73,9 @@ struct Sampler {
     sample.ideal = *ideal;
     sample.ideal_tangent = direction.normalized();
     sample.silhouette = a != b || sample.source == ContourSample::Source::kLimb;
-    sample.visible = self.Free(view.center_in_world, sample.point_in_world, kSelfMarginMm) &&
-                     (!others || others->Free(view.center_in_world, sample.point_in_world, kSelfMarginMm));
+    const Vector3d target = sample.point_in_world + lift;
+    sample.visible = self.Free(view.center_in_world, target, kSelfMarginMm) &&
+                     (!others || others->Free(view.center_in_world, target, kSelfMarginMm));
     samples.push_back(sample);
   }
 
@@ -144,9 +147,9 @@ struct Sampler {
           s.index = static_cast<int>(i);
           s.limb_side = sign;
           s.t = (k + 0.5) / n;
-          // A hair outside the faceted cylinder, which would else hide its own limb.
-          s.point_in_world = a + s.t * (b - a) + out * kSelfMarginMm;
-          Add(s, (b - a).normalized(), static_cast<int>(i), static_cast<int>(i));
+          s.point_in_world = a + s.t * (b - a);
+          // Seen a hair outside the faceted cylinder, which would else hide its own limb.
+          Add(s, (b - a).normalized(), static_cast<int>(i), static_cast<int>(i), out * kSelfMarginMm);
         }
       }
     }

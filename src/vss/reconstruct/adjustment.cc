@@ -1,0 +1,609 @@
+#include "vss/reconstruct/adjustment.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+namespace vss {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr int kPlaceSize = 6;    // rotation and centre of a camera
+constexpr double kTukey = 4.5;   // observations further than that many sigmas from their group do not count
+constexpr double kHuber = 2.5;   // groups further than that count less,
+constexpr double kGroupCut = 8;  // and beyond that not at all
+constexpr double kMinScatterPx = 0.02;  // robust scale of a group never below
+constexpr double kMinSystematicPx = 0.004, kMaxSystematicPx = 8;
+constexpr double kDefaultGroups = 5;  // so many groups' worth of belief in the systematic sigma at the start
+constexpr double kLoosening = 100;    // of the prior of a camera that was found to have moved
+constexpr double kQuantile = 0.75, kChiSquareAtQuantile = 1.3233;  // of one degree of freedom
+
+double Median(std::vector<double> v) {
+  const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
+  std::nth_element(v.begin(), middle, v.end());
+  return *middle;
+}
+
+// The circles at the two ends of a cylinder.
+std::array<const WorldSolid::Circle*, 2> Rims(const WorldSolid& solid, int face) {
+  std::array<const WorldSolid::Circle*, 2> rims{nullptr, nullptr};
+  std::size_t n = 0;
+  for (const auto& c : solid.circles)
+    if (c.cylinder_face == face && n < 2) rims[n++] = &c;
+  return rims;
+}
+
+// Where a sample is on the solid as it stands now. A limb stays where it was on the cylinder's circumference.
+Vector3d SamplePoint(const WorldSolid& solid, const ContourSample& s) {
+  if (s.source == ContourSample::Source::kEdge) {
+    const auto& e = solid.edges[static_cast<std::size_t>(s.index)];
+    return (1 - s.t) * solid.vertices[static_cast<std::size_t>(e.start)].point +
+           s.t * solid.vertices[static_cast<std::size_t>(e.end)].point;
+  }
+  if (s.source == ContourSample::Source::kCircle) {
+    const auto& c = solid.circles[static_cast<std::size_t>(s.index)];
+    return c.center.point + c.radius_mm * (c.axis_u * std::cos(s.t) + c.axis_v * std::sin(s.t));
+  }
+  const auto rims = Rims(solid, s.index);
+  const Vector3d axis = solid.faces[static_cast<std::size_t>(s.index)].axis_direction;
+  const Vector3d at = rims[0]->center.point + s.t * (rims[1]->center.point - rims[0]->center.point);
+  Vector3d out = s.point_in_world - at;
+  out -= axis * axis.dot(out);
+  return at + out.normalized() * rims[0]->radius_mm;
+}
+
+double LowestVertex(const WorldSolid& solid, const PlacedObject& object) {
+  if (object.placement[4] == 0 && object.placement[5] == 0) return object.placement[2];
+  double z = INFINITY;
+  for (const auto& v : solid.vertices) z = std::min(z, v.point.z());
+  return std::isfinite(z) ? z : object.placement[2];
+}
+
+double TopOf(const WorldSolid& solid, const PlacedObject& on_it) {
+  if (const auto top = TopUnder(solid, on_it.placement[0], on_it.placement[1], on_it.placement[2]))
+    return *top;
+  double z = 0;
+  for (const auto& v : solid.vertices) z = std::max(z, v.point.z());
+  for (const auto& c : solid.circles) z = std::max(z, c.center.point.z());
+  return z;
+}
+
+// Derivative by the state of a number that depends on a placed object; central differences.
+template <class F>
+Eigen::RowVectorXd ByState(const PlacedObject& object, const F& f) {
+  constexpr double kStepMm = 0.05, kStepRad = 1e-5;
+  const VectorXd x = object.State();
+  Eigen::RowVectorXd j(x.size());
+  for (Eigen::Index i = 0; i < x.size(); ++i) {
+    const double step = i >= 3 && i < kPlacementSize ? kStepRad : kStepMm;
+    PlacedObject moved = object;
+    VectorXd y = x;
+    y[i] = x[i] + step;
+    moved.SetState(y);
+    const double plus = f(moved);
+    y[i] = x[i] - step;
+    moved.SetState(y);
+    j[i] = (plus - f(moved)) / (2 * step);
+  }
+  return j;
+}
+
+// d img / d intrinsics (fx fy cx cy, distortion): 2 x n.
+MatrixXd ImgByIntrinsics(const Intrinsics& k, const Vector3d& p, const Vector2d& img, int n) {
+  constexpr double kStep = 1e-5;  // of a distortion coefficient
+  MatrixXd j = MatrixXd::Zero(2, n);
+  j(0, 0) = (img.x() - k.cx_px) / k.fx_px;
+  j(1, 1) = (img.y() - k.cy_px) / k.fy_px;
+  j(0, 2) = j(1, 3) = 1;
+  for (int i = 4; i < n; ++i) {
+    Intrinsics moved = k;
+    moved.distortion[static_cast<std::size_t>(i - 4)] += kStep;
+    if (const auto at = moved.Project(p)) j.col(i) = (*at - img) / kStep;
+  }
+  return j;
+}
+
+double TukeyWeight(double z) {
+  const double q = z / kTukey;
+  return std::abs(q) >= 1 ? 0 : (1 - q * q) * (1 - q * q);
+}
+
+double GroupWeight(double z) {
+  z = std::abs(z);
+  return z <= kHuber ? 1 : z < kGroupCut ? kHuber / z : 0;
+}
+
+}  // namespace
+
+Adjustment::Adjustment(std::span<const View> views, std::vector<AdjustedPart> parts_in,
+                       std::vector<AdjustedCamera> cameras_in, std::vector<AdjustedStop> stops_in,
+                       const AdjustmentOptions& o)
+    : parts(std::move(parts_in)),
+      cameras(std::move(cameras_in)),
+      stops(std::move(stops_in)),
+      systematic_px{o.free_systematic_px, o.contact_systematic_px, o.round_systematic_px},
+      options(o),
+      views_(views.begin(), views.end()) {
+  camera_of_view_.assign(views.size(), -1);
+  stop_of_view_.assign(views.size(), -1);
+  for (std::size_t c = 0; c < cameras.size(); ++c)
+    for (int v : cameras[c].views) camera_of_view_[static_cast<std::size_t>(v)] = static_cast<int>(c);
+  for (std::size_t s = 0; s < stops.size(); ++s)
+    for (int v : stops[s].views) stop_of_view_[static_cast<std::size_t>(v)] = static_cast<int>(s);
+  for (const auto& c : cameras) changed_.push_back(*c.camera);
+}
+
+std::vector<View> Adjustment::AdjustedViews() const {
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    auto& k = changed_[c].intrinsics;
+    k = cameras[c].camera->intrinsics;
+    if (cameras[c].num_intrinsics == 0) continue;
+    const VectorXd d = cameras[c].value.tail(cameras[c].num_intrinsics);
+    k.fx_px += d[0], k.fy_px += d[1], k.cx_px += d[2], k.cy_px += d[3];
+    for (Eigen::Index i = 4; i < d.size(); ++i) k.distortion[static_cast<std::size_t>(i - 4)] += d[i];
+  }
+  std::vector<View> out = views_;
+  for (std::size_t v = 0; v < out.size(); ++v) {
+    View& view = out[v];
+    const auto c = static_cast<std::size_t>(camera_of_view_[v]);
+    view.camera = &changed_[c];
+    view.center_in_world += cameras[c].value.segment<3>(3);
+    if (stop_of_view_[v] >= 0)
+      view.center_in_world += stops[static_cast<std::size_t>(stop_of_view_[v])].value;
+    view.cam_from_world.rotation =
+        RotationFromVector(cameras[c].value.head<3>()) * view.cam_from_world.rotation;
+    view.cam_from_world.translation = -(view.cam_from_world.rotation * view.center_in_world);
+  }
+  return out;
+}
+
+Adjustment::Layout Adjustment::MakeLayout() const {
+  Layout l;
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    l.part.push_back(l.size);
+    l.size += parts[p].object.StateSize();
+    l.bias.emplace_back();
+    for (const auto& [contour, value] : parts[p].bias_px) l.bias.back()[contour] = l.size++;
+  }
+  for (const auto& c : cameras) {
+    l.camera.push_back(l.size);
+    l.size += kPlaceSize + c.num_intrinsics;
+  }
+  for (std::size_t s = 0; s < stops.size(); ++s) {
+    l.stop.push_back(l.size);
+    l.size += 3;
+  }
+  return l;
+}
+
+void Adjustment::UpdateResiduals() {
+  const auto views = AdjustedViews();
+  std::vector<WorldSolid> solids;
+  for (const auto& p : parts) solids.push_back(PlaceSolid(p.object, false));
+  for (auto& group : groups) {
+    auto& part = parts[static_cast<std::size_t>(group.part)];
+    const auto& view = views[static_cast<std::size_t>(group.view)];
+    double bias = 0;
+    if (group.edge_class == EdgeClass::kContact) bias = part.bias_px[group.contour];
+    for (auto& o : group.observations) {
+      o.sample.point_in_world = SamplePoint(solids[static_cast<std::size_t>(group.part)], o.sample);
+      const auto img = view.camera->intrinsics.Project(view.cam_from_world * o.sample.point_in_world);
+      o.residual_px = img ? o.normal.dot(*img - o.measured) + bias : 0;
+      if (!img) o.weight = 0;
+    }
+  }
+}
+
+void Adjustment::UpdateWeights() {
+  for (auto& group : groups) {
+    std::vector<double> r;
+    for (const auto& o : group.observations) r.push_back(o.residual_px);
+    const double median = Median(r);
+    for (double& x : r) x = std::abs(x - median);
+    const double scatter = std::max(1.4826 * Median(r), kMinScatterPx);
+    double sum = 0, weighted = 0;
+    for (auto& o : group.observations) {
+      const double sigma = std::max(scatter, o.sigma_px);
+      o.weight = TukeyWeight((o.residual_px - median) / sigma) / (sigma * sigma);
+      sum += o.weight;
+      weighted += o.weight * o.residual_px;
+    }
+    group.mean_px = sum > 0 ? weighted / sum : 0;
+    group.sigma_mean_px = sum > 0 ? 1 / std::sqrt(sum) : 1e3;
+    const double s = systematic_px[static_cast<std::size_t>(group.edge_class)];
+    group.weight = GroupWeight(group.mean_px / std::hypot(s, group.sigma_mean_px));
+  }
+}
+
+// The sigma at which three quarters of the groups' means, set against it and their own noise, are as small as
+// three quarters of normal numbers are; corrected for the unknowns that were fitted to them.
+void Adjustment::UpdateSystematics() {
+  double unknowns = 0;
+  for (const auto& p : parts) unknowns += static_cast<double>(std::count(p.free.begin(), p.free.end(), true));
+  const double defaults[] = {options.free_systematic_px, options.contact_systematic_px,
+                             options.round_systematic_px};
+  const double share = std::max(0.3, 1 - unknowns / std::max<double>(1, static_cast<double>(groups.size())));
+  for (int c = 0; c < kNumEdgeClasses; ++c) {
+    std::vector<std::pair<double, double>> means;  // squared mean, variance by noise
+    for (const auto& g : groups)
+      if (static_cast<int>(g.edge_class) == c)
+        means.emplace_back(g.mean_px * g.mean_px, g.sigma_mean_px * g.sigma_mean_px);
+    const auto i = static_cast<std::size_t>(c);
+    const double n = static_cast<double>(means.size());
+    if (means.empty()) continue;
+    auto quantile = [&](double s) {
+      std::vector<double> z;
+      for (const auto& [m, v] : means) z.push_back(m / (s * s + v));
+      const auto at = z.begin() + static_cast<std::ptrdiff_t>(kQuantile * (n - 1));
+      std::nth_element(z.begin(), at, z.end());
+      return *at;
+    };
+    double low = kMinSystematicPx, high = kMaxSystematicPx;
+    for (int it = 0; it < 40; ++it) {
+      const double middle = std::sqrt(low * high);
+      (quantile(middle) > kChiSquareAtQuantile * share ? low : high) = middle;
+    }
+    const double d = defaults[i];
+    systematic_px[i] = std::sqrt((n * low * low + kDefaultGroups * d * d) / (n + kDefaultGroups));
+  }
+}
+
+void Adjustment::AddGroup(const ObservationGroup& group, const WorldSolid& solid,
+                          const std::vector<View>& views) {
+  const auto p = static_cast<std::size_t>(group.part), v = static_cast<std::size_t>(group.view);
+  const auto c = static_cast<std::size_t>(camera_of_view_[v]);
+  const View& view = views[v];
+  const auto& k = view.camera->intrinsics;
+  const int state = parts[p].object.StateSize(), intrinsics = cameras[c].num_intrinsics;
+  const bool has_bias = group.edge_class == EdgeClass::kContact, has_stop = stop_of_view_[v] >= 0;
+  std::vector<int> at;
+  for (int i = 0; i < state; ++i) at.push_back(layout_.part[p] + i);
+  for (int i = 0; i < kPlaceSize + intrinsics; ++i) at.push_back(layout_.camera[c] + i);
+  if (has_bias) at.push_back(layout_.bias[p].at(group.contour));
+  if (has_stop)
+    for (int i = 0; i < 3; ++i) at.push_back(layout_.stop[static_cast<std::size_t>(stop_of_view_[v])] + i);
+  const auto n = static_cast<Eigen::Index>(at.size());
+  MatrixXd a = MatrixXd::Zero(n, n);
+  VectorXd u = VectorXd::Zero(n), g = VectorXd::Zero(n), j(n);
+  double sum = 0, mean = 0;
+  for (const auto& o : group.observations) {
+    if (o.weight <= 0) continue;
+    const Vector3d q = view.cam_from_world * o.sample.point_in_world;
+    Eigen::Matrix<double, 2, 3> by_cam;
+    const auto img = k.Project(q, &by_cam);
+    if (!img) continue;
+    const Eigen::RowVector3d n_by_cam = o.normal.transpose() * by_cam;
+    const Eigen::RowVector3d n_by_world = n_by_cam * view.cam_from_world.rotation;
+    j.head(state) = (n_by_world * SampleByState(solid, o.sample)).transpose();
+    j.segment<3>(state) = -(n_by_cam * CrossMatrix(q)).transpose();
+    j.segment<3>(state + 3) = -n_by_world.transpose();
+    if (intrinsics > 0)
+      j.segment(state + kPlaceSize, intrinsics) =
+          (o.normal.transpose() * ImgByIntrinsics(k, q, *img, intrinsics)).transpose();
+    Eigen::Index next = state + kPlaceSize + intrinsics;
+    if (has_bias) j[next++] = 1;
+    if (has_stop) j.segment<3>(next) = -n_by_world.transpose();
+    const double w = o.weight;
+    a.selfadjointView<Eigen::Lower>().rankUpdate(j, w);
+    u += w * j;
+    g -= w * o.residual_px * j;
+    sum += w;
+    mean += w * o.residual_px;
+  }
+  const double s2 = std::pow(systematic_px[static_cast<std::size_t>(group.edge_class)], 2);
+  const double share = s2 / (1 + s2 * sum);
+  a.selfadjointView<Eigen::Lower>().rankUpdate(u, -share);
+  g += share * mean * u;
+  for (Eigen::Index x = 0; x < n; ++x) {
+    g_[at[static_cast<std::size_t>(x)]] += group.weight * g[x];
+    for (Eigen::Index y = 0; y <= x; ++y) {
+      const int r = at[static_cast<std::size_t>(x)], s = at[static_cast<std::size_t>(y)];
+      h_(std::max(r, s), std::min(r, s)) += group.weight * a(x, y);
+    }
+  }
+}
+
+double Adjustment::PriorScale(const AdjustedCamera& camera) const {
+  return (camera.prior_from_calibration ? 1 : camera_scale) * (camera.loosened ? kLoosening : 1);
+}
+
+void Adjustment::AddPriors(bool shared_free) {
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    const auto& part = parts[p];
+    const VectorXd x = part.object.State();
+    for (Eigen::Index i = 0; i < x.size(); ++i) {
+      const double w = 1 / (part.prior_sigma[i] * part.prior_sigma[i]);
+      h_(layout_.part[p] + i, layout_.part[p] + i) += w;
+      g_[layout_.part[p] + i] += w * (part.prior_value[i] - x[i]);
+    }
+    const double w = 1 / (options.contact_bias_px * options.contact_bias_px);
+    for (const auto& [contour, at] : layout_.bias[p]) {
+      h_(at, at) += w;
+      g_[at] -= w * part.bias_px.at(contour);
+    }
+  }
+  if (!shared_free) return;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    const double scale = PriorScale(cameras[c]);
+    const MatrixXd w = (scale * scale * cameras[c].prior_covariance)
+                           .ldlt()
+                           .solve(MatrixXd::Identity(cameras[c].value.size(), cameras[c].value.size()));
+    const auto n = cameras[c].value.size();
+    h_.block(layout_.camera[c], layout_.camera[c], n, n) += w;
+    g_.segment(layout_.camera[c], n) -= w * cameras[c].value;
+  }
+  const double sigma = options.stop_sigma_mm * stop_scale;
+  for (std::size_t s = 0; s < stops.size(); ++s) {
+    h_.diagonal().segment<3>(layout_.stop[s]).array() += 1 / (sigma * sigma);
+    g_.segment<3>(layout_.stop[s]) -= stops[s].value / (sigma * sigma);
+  }
+}
+
+void Adjustment::AddTies() {
+  std::vector<WorldSolid> solids;
+  for (const auto& p : parts) solids.push_back(PlaceSolid(p.object, false));
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    const auto& part = parts[p];
+    if (part.stands_on == kLoose) continue;
+    VectorXd j = VectorXd::Zero(layout_.size);
+    j.segment(layout_.part[p], part.object.StateSize()) = ByState(part.object, [](const PlacedObject& o) {
+                                                            return LowestVertex(PlaceSolid(o, false), o);
+                                                          }).transpose();
+    double residual = LowestVertex(solids[p], part.object), sigma = options.ground_sigma_mm;
+    if (part.stands_on >= 0) {
+      const auto s = static_cast<std::size_t>(part.stands_on);
+      residual -= TopOf(solids[s], part.object);
+      sigma = options.contact_sigma_mm;
+      j.segment(layout_.part[s], parts[s].object.StateSize()) -=
+          ByState(parts[s].object, [&](const PlacedObject& o) {
+            return TopOf(PlaceSolid(o, false), part.object);
+          }).transpose();
+    }
+    h_.selfadjointView<Eigen::Lower>().rankUpdate(j, 1 / (sigma * sigma));
+    g_ -= residual / (sigma * sigma) * j;
+  }
+}
+
+void Adjustment::Pin(bool shared_free) {
+  auto pin = [&](Eigen::Index i) {
+    h_.row(i).setZero();
+    h_.col(i).setZero();
+    h_(i, i) = 1;
+    g_[i] = 0;
+  };
+  for (std::size_t p = 0; p < parts.size(); ++p)
+    for (std::size_t i = 0; i < parts[p].free.size(); ++i)
+      if (!parts[p].free[i]) pin(layout_.part[p] + static_cast<Eigen::Index>(i));
+  if (shared_free) return;
+  const Eigen::Index first = cameras.empty() ? layout_.size : layout_.camera[0];
+  for (Eigen::Index i = first; i < layout_.size; ++i) pin(i);
+}
+
+void Adjustment::Build(bool shared_free) {
+  layout_ = MakeLayout();
+  h_ = MatrixXd::Zero(layout_.size, layout_.size);
+  g_ = VectorXd::Zero(layout_.size);
+  const auto views = AdjustedViews();
+  std::vector<WorldSolid> solids;
+  for (const auto& p : parts) solids.push_back(PlaceSolid(p.object));
+  for (const auto& group : groups)
+    if (group.weight > 0) AddGroup(group, solids[static_cast<std::size_t>(group.part)], views);
+  AddPriors(shared_free);
+  AddTies();
+  Pin(shared_free);
+}
+
+void Adjustment::Apply(const VectorXd& step) {
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    auto& part = parts[p];
+    VectorXd x = part.object.State() + step.segment(layout_.part[p], part.object.StateSize());
+    const auto defs = part.object.model->dimensions();
+    for (std::size_t i = 0; i < defs.size(); ++i) {
+      double& d = x[kPlacementSize + static_cast<int>(i)];
+      if (defs[i].min_mm > 0) d = std::max(d, 0.5 * defs[i].min_mm);
+    }
+    part.object.SetState(x);
+    for (const auto& [contour, at] : layout_.bias[p]) part.bias_px[contour] += step[at];
+  }
+  for (std::size_t c = 0; c < cameras.size(); ++c)
+    cameras[c].value += step.segment(layout_.camera[c], cameras[c].value.size());
+  for (std::size_t s = 0; s < stops.size(); ++s) stops[s].value += step.segment<3>(layout_.stop[s]);
+}
+
+double Adjustment::Solve(int max_steps, bool shared_free) {
+  shared_free &= options.adjust_cameras;
+  double moved = 0;
+  for (int k = 0; k < max_steps; ++k) {
+    UpdateResiduals();
+    UpdateWeights();
+    UpdateSystematics();
+    Build(shared_free);
+    std::vector<WorldSolid> before;
+    for (const auto& p : parts) before.push_back(PlaceSolid(p.object, false));
+    Apply(h_.selfadjointView<Eigen::Lower>().ldlt().solve(g_));
+    moved = 0;
+    for (std::size_t p = 0; p < parts.size(); ++p) {
+      const auto after = PlaceSolid(parts[p].object, false);
+      for (std::size_t i = 0; i < after.vertices.size(); ++i)
+        moved = std::max(moved, (after.vertices[i].point - before[p].vertices[i].point).norm());
+    }
+    constexpr double kSmallMm = 1e-3;
+    if (moved < kSmallMm) break;
+  }
+  UpdateResiduals();
+  UpdateWeights();
+  return moved;
+}
+
+void Adjustment::ComputeCovariance() {
+  Build(options.adjust_cameras);
+  covariance_ =
+      h_.selfadjointView<Eigen::Lower>().ldlt().solve(MatrixXd::Identity(layout_.size, layout_.size));
+}
+
+void Adjustment::EstimatePriorScales() {
+  if (!options.adjust_cameras) return;
+  constexpr double kMinScale = 0.02, kMaxScale = 10, kMinRedundancy = 2;
+  ComputeCovariance();
+  double sum = 0, redundancy = 0;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    if (cameras[c].prior_from_calibration || cameras[c].loosened) continue;
+    const MatrixXd w = cameras[c].prior_covariance.inverse();
+    sum += cameras[c].value.dot(w * cameras[c].value);
+    redundancy += static_cast<double>(cameras[c].value.size()) -
+                  (w * CameraCovariance(static_cast<int>(c))).trace() / (camera_scale * camera_scale);
+  }
+  if (redundancy > kMinRedundancy)
+    camera_scale = std::clamp(std::sqrt(sum / redundancy), kMinScale, kMaxScale);
+  sum = redundancy = 0;
+  const double w = 1 / (options.stop_sigma_mm * options.stop_sigma_mm);
+  for (std::size_t s = 0; s < stops.size(); ++s) {
+    sum += w * stops[s].value.squaredNorm();
+    redundancy += 3 - w * StopCovariance(static_cast<int>(s)).trace() / (stop_scale * stop_scale);
+  }
+  if (redundancy > kMinRedundancy) stop_scale = std::clamp(std::sqrt(sum / redundancy), kMinScale, kMaxScale);
+}
+
+Adjustment::Gain Adjustment::GainOfFreeing(int part, std::span<const int> state, double prior_sigma) {
+  auto& p = parts[static_cast<std::size_t>(part)];
+  UpdateResiduals();
+  UpdateWeights();
+  auto gain = [&] {
+    Build(options.adjust_cameras);
+    const VectorXd step = h_.selfadjointView<Eigen::Lower>().ldlt().solve(g_);
+    return std::pair(step.dot(g_), step);
+  };
+  const double before = gain().first;
+  const AdjustedPart saved = p;
+  for (int i : state) {
+    p.free[static_cast<std::size_t>(i)] = true;
+    p.prior_sigma[i] = prior_sigma;
+  }
+  const auto [after, step] = gain();
+  Gain out{after - before, step.segment(layout_.part[static_cast<std::size_t>(part)], p.object.StateSize())};
+  p = saved;
+  return out;
+}
+
+MatrixXd Adjustment::PartCovariance(int part) const {
+  const auto p = static_cast<std::size_t>(part);
+  const int n = parts[p].object.StateSize();
+  MatrixXd c = covariance_.block(layout_.part[p], layout_.part[p], n, n);
+  for (int i = 0; i < n; ++i)
+    if (!parts[p].free[static_cast<std::size_t>(i)]) c.row(i).setZero(), c.col(i).setZero();
+  return c;
+}
+
+MatrixXd Adjustment::CameraCovariance(int camera) const {
+  const auto c = static_cast<std::size_t>(camera);
+  const auto n = cameras[c].value.size();
+  return covariance_.block(layout_.camera[c], layout_.camera[c], n, n);
+}
+
+Matrix3d Adjustment::StopCovariance(int stop) const {
+  const int at = layout_.stop[static_cast<std::size_t>(stop)];
+  return covariance_.block<3, 3>(at, at);
+}
+
+MatrixXd Adjustment::DataInformation(int part) const {
+  const auto& p = parts[static_cast<std::size_t>(part)];
+  const MatrixXd c = PartCovariance(part);
+  std::vector<int> free;
+  for (int i = 0; i < c.rows(); ++i)
+    if (p.free[static_cast<std::size_t>(i)]) free.push_back(i);
+  MatrixXd out = MatrixXd::Zero(c.rows(), c.rows());
+  if (free.empty()) return out;
+  const MatrixXd info = MatrixXd(c(free, free))
+                            .ldlt()
+                            .solve(MatrixXd::Identity(static_cast<Eigen::Index>(free.size()),
+                                                      static_cast<Eigen::Index>(free.size())));
+  for (std::size_t a = 0; a < free.size(); ++a)
+    for (std::size_t b = 0; b < free.size(); ++b)
+      out(free[a], free[b]) = info(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
+  for (int i : free) out(i, i) -= 1 / (p.prior_sigma[i] * p.prior_sigma[i]);
+  return out;
+}
+
+namespace {
+
+// The calibration's covariance (fx fy cx cy, distortion, rotation, translation of cam_from_world) as one of
+// (rotation, centre in world, intrinsics): exp(w) (R X + t) = exp(w) R (X - C), so that dC = R^T (w x t -
+// dt).
+MatrixXd FromCalibration(const Camera& camera, int num_intrinsics, const MatrixXd& place_prior) {
+  const MatrixXd& q = camera.quality->covariance;
+  const bool has_place = q.rows() == num_intrinsics + kPlaceSize && camera.cam_from_world;
+  MatrixXd map = MatrixXd::Zero(kPlaceSize + num_intrinsics, q.rows());
+  map.bottomLeftCorner(num_intrinsics, num_intrinsics).setIdentity();
+  if (has_place) {
+    const Matrix3d& r = camera.cam_from_world->rotation;
+    map.block<3, 3>(0, num_intrinsics).setIdentity();
+    map.block<3, 3>(3, num_intrinsics) = -r.transpose() * CrossMatrix(camera.cam_from_world->translation);
+    map.block<3, 3>(3, num_intrinsics + 3) = -r.transpose();
+  }
+  MatrixXd out = map * q * map.transpose();
+  if (!has_place) out.topLeftCorner(kPlaceSize, kPlaceSize) = place_prior;
+  // So that what the calibration held fixed stays (nearly) fixed.
+  VectorXd least = VectorXd::Constant(out.rows(), 1e-7);
+  least.head<3>().setConstant(1e-7);
+  least.segment<3>(3).setConstant(1e-4);
+  least.segment<4>(kPlaceSize).setConstant(1e-4);
+  out.diagonal() += least.cwiseAbs2();
+  return out;
+}
+
+}  // namespace
+
+std::vector<AdjustedCamera> MakeCameras(std::span<const View> views, const PriorOptions& o) {
+  std::vector<AdjustedCamera> cameras;
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    const bool carried = views[v].stop >= 0;
+    AdjustedCamera* mine = nullptr;
+    if (carried)
+      for (auto& c : cameras)
+        if (c.camera == views[v].camera && views[static_cast<std::size_t>(c.views[0])].stop >= 0) mine = &c;
+    if (!mine) {
+      AdjustedCamera c;
+      c.camera = views[v].camera;
+      MatrixXd place = MatrixXd::Zero(kPlaceSize, kPlaceSize);
+      const double r = carried ? o.camera_rotation_sigma_rad : o.picture_rotation_sigma_rad;
+      const double t = carried ? o.camera_position_sigma_mm : o.picture_position_sigma_mm;
+      place.diagonal() << r * r, r * r, r * r, t * t, t * t, t * t;
+      c.prior_covariance = place;
+      const auto& quality = c.camera->quality;
+      const int intrinsics = 4 + c.camera->intrinsics.num_distortion;
+      // A hand-held camera's lens belongs to all its pictures: adjusted with the first of them alone it would
+      // be another lens in each, so it stays as calibrated.
+      if (carried && quality && quality->covariance.rows() >= intrinsics) {
+        c.num_intrinsics = intrinsics;
+        c.prior_covariance = FromCalibration(*c.camera, intrinsics, place);
+        c.prior_from_calibration = quality->covariance.rows() == intrinsics + kPlaceSize;
+      }
+      c.value = VectorXd::Zero(kPlaceSize + c.num_intrinsics);
+      cameras.push_back(std::move(c));
+      mine = &cameras.back();
+    }
+    mine->views.push_back(static_cast<int>(v));
+  }
+  return cameras;
+}
+
+std::vector<AdjustedStop> MakeStops(std::span<const View> views) {
+  std::map<int, AdjustedStop> stops;
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    if (views[v].stop < 0) continue;
+    stops[views[v].stop].stop = views[v].stop;
+    stops[views[v].stop].views.push_back(static_cast<int>(v));
+  }
+  std::vector<AdjustedStop> out;
+  for (auto& [stop, block] : stops) out.push_back(std::move(block));
+  return out;
+}
+
+}  // namespace vss

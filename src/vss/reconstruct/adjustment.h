@@ -1,0 +1,161 @@
+// The joint least-squares adjustment: parts, cameras and gantry stops against measured contour points.
+//
+// An observation says how far, along the contour's normal, a measured edge point lies from the projected
+// contour. Observations of one edge in one picture form a group: beside its own noise each carries the
+// group's common error (shading, chamfer, shadow), a random effect of variance systematic^2 of its edge
+// class, which is integrated out: the group's weight matrix is D - c D 1 1^T D, c = s^2 / (1 + s^2 sum w)
+// (Woodbury). Those variances are estimated from the scatter between groups (variance components; Foerstner
+// 1979), so that the covariance is honest where systematic errors, not noise, are the limit. Edges that lie
+// on something have a bias of their own in all pictures. Everything that was measured beforehand, the
+// cameras' places and lenses and where the carriage stood, is an unknown with its prior; a part's height is
+// tied to what it stands on.
+#pragma once
+#include <Eigen/Core>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "vss/reconstruct/contour_pieces.h"
+
+namespace vss {
+
+struct Observation {
+  ContourSample sample;
+  Eigen::Vector2d measured = Eigen::Vector2d::Zero();  // img
+  Eigen::Vector2d normal = Eigen::Vector2d::UnitX();   // img, unit
+  double sigma_px = 0.1;
+  double contrast = 0;
+  double weight = 1;  // robust, within its group
+  double residual_px = 0;
+};
+
+// The observations of one edge, rim or limb of one part in one view.
+struct ObservationGroup {
+  int part = 0, view = 0;
+  int contour = 0;  // ContourKey
+  EdgeClass edge_class = EdgeClass::kFree;
+  std::vector<Observation> observations;
+  double weight = 1;         // robust
+  double mean_px = 0;        // weighted mean residual
+  double sigma_mean_px = 0;  // of the mean, from the observations' own noise
+};
+
+// One number for an edge, rim or limb of a solid.
+inline int ContourKey(const ContourSample& s) {
+  return (s.index * 3 + static_cast<int>(s.source)) * 3 + s.limb_side + 1;
+}
+
+struct AdjustedPart {
+  PlacedObject object;
+  int stands_on = -1;                        // index of a part, -1: the ground, kLoose: nothing known
+  std::vector<bool> free;                    // of the state
+  Eigen::VectorXd prior_value, prior_sigma;  // of the state: weak, so that the system always has one solution
+  std::map<int, double> bias_px;  // of contours that lie on something, along the observation's normal
+};
+inline constexpr int kLoose = -2;
+
+// A camera that hangs on the carriage or stands still, or one hand-held picture. Unknowns: rotation (rad,
+// cam, exp(w) R), shift of the centre (mm, world), then intrinsics fx fy cx cy and distortion where
+// `num_intrinsics` > 0.
+struct AdjustedCamera {
+  const Camera* camera = nullptr;
+  std::vector<int> views;
+  int num_intrinsics = 0;
+  Eigen::MatrixXd prior_covariance;
+  bool prior_from_calibration = false;  // else its scale is estimated
+  Eigen::VectorXd value;
+  bool loosened = false;  // found moved: the prior no longer counts
+};
+
+struct AdjustedStop {
+  int stop = 0;
+  std::vector<int> views;
+  Eigen::Vector3d value = Eigen::Vector3d::Zero();  // mm, world
+};
+
+struct AdjustmentOptions {
+  bool adjust_cameras = true;
+  double ground_sigma_mm = 0.1;
+  double contact_sigma_mm = 0.1;
+  double contact_bias_px = 0.2;
+  double stop_sigma_mm = 0.15;
+  double free_systematic_px = 0.03, contact_systematic_px = 0.15,
+         round_systematic_px = 0.05;  // to start with
+};
+
+class Adjustment {
+ public:
+  Adjustment(std::span<const View> views, std::vector<AdjustedPart> parts,
+             std::vector<AdjustedCamera> cameras, std::vector<AdjustedStop> stops,
+             const AdjustmentOptions& options);
+
+  std::vector<AdjustedPart> parts;
+  std::vector<AdjustedCamera> cameras;
+  std::vector<AdjustedStop> stops;
+  std::vector<ObservationGroup> groups;
+  std::array<double, kNumEdgeClasses> systematic_px;
+  double camera_scale = 1, stop_scale = 1;  // of the priors' sigmas, estimated
+  AdjustmentOptions options;
+
+  // The views with all corrections, for measuring again.
+  std::vector<View> AdjustedViews() const;
+  // Gauss-Newton steps with robust weights and, after each, the systematic variances. Returns the largest
+  // move of a part's vertex in the last step, mm.
+  double Solve(int max_steps, bool shared_free);
+  // Scales of priors that no calibration gave (Foerstner's estimate), then the covariance of everything.
+  void EstimatePriorScales();
+  void ComputeCovariance();
+  // Decrease of the weighted sum of squares, linearised, if the unknowns `state` of part i were free too.
+  struct Gain {
+    double chi_square = 0;
+    Eigen::VectorXd step;
+  };
+  Gain GainOfFreeing(int part, std::span<const int> state, double prior_sigma);
+
+  // Blocks of the covariance; unknowns that are not free have zero rows.
+  Eigen::MatrixXd PartCovariance(int part) const;
+  Eigen::MatrixXd CameraCovariance(int camera) const;
+  Eigen::Matrix3d StopCovariance(int stop) const;
+  // Information on part i's state from the pictures alone (all other unknowns eliminated), without its weak
+  // prior.
+  Eigen::MatrixXd DataInformation(int part) const;
+
+ private:
+  struct Layout {
+    std::vector<int> part, camera, stop;   // offsets
+    std::vector<std::map<int, int>> bias;  // per part: contour -> offset
+    int size = 0;
+  };
+  Layout MakeLayout() const;
+  void UpdateResiduals();
+  void UpdateWeights();
+  void UpdateSystematics();
+  void Build(bool shared_free);
+  void AddGroup(const ObservationGroup& group, const WorldSolid& solid, const std::vector<View>& views);
+  void AddPriors(bool shared_free);
+  void AddTies();
+  void Pin(bool shared_free);
+  void Apply(const Eigen::VectorXd& step);
+  double PriorScale(const AdjustedCamera& camera) const;
+  int CameraOfView(int view) const { return camera_of_view_[static_cast<std::size_t>(view)]; }
+
+  std::vector<View> views_;
+  std::vector<int> camera_of_view_, stop_of_view_;
+  Layout layout_;
+  Eigen::MatrixXd h_, covariance_;
+  Eigen::VectorXd g_;
+  // Intrinsics of cameras whose lens is adjusted, changed by their corrections (AdjustedViews points into
+  // it).
+  mutable std::vector<Camera> changed_;
+};
+
+// Camera blocks and stops of `views` with priors: from the calibration where it says how good it is, else the
+// given sigmas.
+struct PriorOptions {
+  double camera_rotation_sigma_rad = 1e-4, camera_position_sigma_mm = 0.2;
+  double picture_rotation_sigma_rad = 5e-4, picture_position_sigma_mm = 0.5;  // of hand-held pictures
+};
+std::vector<AdjustedCamera> MakeCameras(std::span<const View> views, const PriorOptions& options);
+std::vector<AdjustedStop> MakeStops(std::span<const View> views);
+
+}  // namespace vss

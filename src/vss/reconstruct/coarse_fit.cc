@@ -1,0 +1,177 @@
+#include "vss/reconstruct/coarse_fit.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+namespace vss {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::VectorXd;
+
+constexpr double kSpacingPx = 8;
+constexpr double kMaxAngleCos = 0.985;  // 10 degrees between contour and line
+constexpr double kCutWidths = 3;        // lines further than that many widths do not draw
+constexpr double kOutlier = 0.05;       // weight of "this sample belongs to no line"
+constexpr int kStepsPerWidth = 3;
+constexpr double kShrink = 0.62;
+
+struct Pull {
+  Vector2d normal;
+  double distance = 0;  // of the sample from the line, along normal
+};
+
+std::optional<Pull> TowardsSegment(const LineSegment& line, const ContourSample& s, double reach) {
+  const Vector2d along = line.ideal_end - line.ideal_start;
+  const double length = along.norm();
+  if (length < 1e-9) return std::nullopt;
+  const Vector2d t = along / length, n(-t.y(), t.x()), q = s.ideal - line.ideal_start;
+  if (std::abs(t.dot(s.ideal_tangent)) < kMaxAngleCos) return std::nullopt;
+  const double at = q.dot(t);
+  if (at < -reach || at > length + reach) return std::nullopt;
+  return Pull{n, q.dot(n)};
+}
+
+std::optional<Pull> TowardsArc(const EllipticalArc& arc, const ContourSample& s) {
+  const double c = std::cos(arc.ideal_angle_rad), sn = std::sin(arc.ideal_angle_rad);
+  const Vector2d q = s.ideal - arc.ideal_center;
+  const double a = arc.ideal_axes.x(), b = arc.ideal_axes.y();
+  if (!(a > 0 && b > 0)) return std::nullopt;
+  const Vector2d l(c * q.x() + sn * q.y(), -sn * q.x() + c * q.y());
+  double angle = std::atan2(l.y() / b, l.x() / a);
+  while (angle < arc.ideal_from_rad) angle += 2 * kPi;
+  if (angle > arc.ideal_to_rad + 0.1) return std::nullopt;
+  const Vector2d g(2 * l.x() / (a * a), 2 * l.y() / (b * b));
+  const double norm = g.norm();
+  if (norm < 1e-12) return std::nullopt;
+  const double f = l.x() * l.x() / (a * a) + l.y() * l.y() / (b * b) - 1;
+  const Vector2d n((c * g.x() - sn * g.y()) / norm, (sn * g.x() + c * g.y()) / norm);
+  if (std::abs(n.dot(s.ideal_tangent)) > std::sqrt(1 - kMaxAngleCos * kMaxAngleCos)) return std::nullopt;
+  return Pull{n, f / norm};
+}
+
+struct ViewSamples {
+  const View* view;
+  std::vector<ContourSample> samples;
+  std::vector<const LineSegment*> segments;
+  std::vector<const EllipticalArc*> arcs;
+};
+
+// The visible samples of a view, and the lines within `reach` of them.
+std::optional<ViewSamples> Look(const WorldSolid& solid, const View& view, const Occluders* others,
+                                double reach) {
+  if (!view.lines) return std::nullopt;
+  ViewSamples out{&view, {}, {}, {}};
+  Eigen::AlignedBox2d box;
+  for (auto& s : SampleContour(solid, view, kSpacingPx, 2, others))
+    if (s.visible) {
+      box.extend(s.ideal);
+      out.samples.push_back(s);
+    }
+  if (out.samples.empty()) return std::nullopt;
+  box.min().array() -= reach;
+  box.max().array() += reach;
+  for (const auto& l : view.lines->segments) {
+    Eigen::AlignedBox2d span(l.ideal_start.cwiseMin(l.ideal_end), l.ideal_start.cwiseMax(l.ideal_end));
+    if (box.intersects(span)) out.segments.push_back(&l);
+  }
+  for (const auto& a : view.lines->arcs) {
+    const double r = a.ideal_axes.maxCoeff();
+    Eigen::AlignedBox2d span(Vector2d(a.ideal_center.array() - r), Vector2d(a.ideal_center.array() + r));
+    if (box.intersects(span)) out.arcs.push_back(&a);
+  }
+  return out;
+}
+
+struct Sums {
+  MatrixXd h;
+  VectorXd g;
+  double cost = 0;
+  int num_samples = 0;
+};
+
+void Accumulate(const WorldSolid& solid, const ViewSamples& look, double width, Sums& sums) {
+  std::vector<std::pair<Pull, double>> pulls;
+  for (const auto& s : look.samples) {
+    pulls.clear();
+    double total = kOutlier, nearest = INFINITY;
+    auto take = [&](const std::optional<Pull>& pull) {
+      if (!pull || std::abs(pull->distance) > kCutWidths * width) return;
+      const double w = std::exp(-pull->distance * pull->distance / (2 * width * width));
+      total += w;
+      nearest = std::min(nearest, std::abs(pull->distance));
+      pulls.emplace_back(*pull, w);
+    };
+    for (const auto* l : look.segments) take(TowardsSegment(*l, s, width));
+    if (s.source == ContourSample::Source::kCircle)
+      for (const auto* a : look.arcs) take(TowardsArc(*a, s));
+    ++sums.num_samples;
+    sums.cost += 1 - (pulls.empty() ? 0 : std::exp(-nearest * nearest / (2 * width * width)));
+    if (pulls.empty()) continue;
+    const MatrixXd by_state = IdealByWorld(*look.view, s.point_in_world) * SampleByState(solid, s);
+    for (const auto& [pull, w] : pulls) {
+      const VectorXd j = by_state.transpose() * pull.normal;
+      const double weight = w / total / (width * width);
+      sums.h.selfadjointView<Eigen::Lower>().rankUpdate(j, weight);
+      sums.g -= weight * pull.distance * j;
+    }
+  }
+}
+
+VectorXd PriorWeights(int size, const CoarseFitOptions& o) {
+  constexpr double kFixed = 1e12;
+  VectorXd w(size);
+  w.setConstant(1 / (o.dimension_sigma_mm * o.dimension_sigma_mm));
+  w[0] = w[1] = 1 / (o.position_sigma_mm * o.position_sigma_mm);
+  w[2] = kFixed;
+  w[3] = 1 / (o.yaw_sigma_rad * o.yaw_sigma_rad);
+  w[4] = w[5] = o.tilt_sigma_rad > 0 ? 1 / (o.tilt_sigma_rad * o.tilt_sigma_rad) : kFixed;
+  return w;
+}
+
+// Dimensions stay positive and within reach of their range, whatever the lines say.
+void KeepInRange(PlacedObject& object) {
+  const auto defs = object.model->dimensions();
+  for (std::size_t i = 0; i < defs.size(); ++i)
+    object.dimensions_mm[i] = std::clamp(object.dimensions_mm[i], defs[i].min_mm, defs[i].max_mm);
+}
+
+}  // namespace
+
+Eigen::Matrix<double, 2, 3> IdealByWorld(const View& view, const Eigen::Vector3d& point_in_world) {
+  const Eigen::Vector3d p = view.cam_from_world * point_in_world;
+  const auto& k = view.camera->intrinsics;
+  Eigen::Matrix<double, 2, 3> j;
+  j << k.fx_px / p.z(), 0, -k.fx_px * p.x() / (p.z() * p.z()), 0, k.fy_px / p.z(),
+      -k.fy_px * p.y() / (p.z() * p.z());
+  return j * view.cam_from_world.rotation;
+}
+
+CoarseFit FitToLines(const PlacedObject& start, std::span<const View> views, const Occluders* others,
+                     const CoarseFitOptions& options) {
+  CoarseFit fit{start, 0, 1};
+  const VectorXd x0 = start.State(), prior = PriorWeights(start.StateSize(), options);
+  for (double width = options.start_width_px;; width = std::max(width * kShrink, options.end_width_px)) {
+    for (int step = 0; step < kStepsPerWidth; ++step) {
+      const WorldSolid solid = PlaceSolid(fit.object);
+      const auto n = x0.size();
+      Sums sums{MatrixXd::Zero(n, n), VectorXd::Zero(n), 0, 0};
+      for (const auto& view : views)
+        if (const auto look = Look(solid, view, others, kCutWidths * width))
+          Accumulate(solid, *look, width, sums);
+      fit.num_samples = sums.num_samples;
+      fit.cost = sums.num_samples > 0 ? sums.cost / sums.num_samples : 1;
+      const VectorXd x = fit.object.State();
+      sums.h.diagonal() += prior;
+      sums.g += prior.cwiseProduct(x0 - x);
+      fit.object.SetState(x + sums.h.selfadjointView<Eigen::Lower>().ldlt().solve(sums.g));
+      KeepInRange(fit.object);
+    }
+    if (width <= options.end_width_px) return fit;
+  }
+}
+
+}  // namespace vss

@@ -1,0 +1,37 @@
+// Brings a part from where identification left it to within a pixel: its visible contour is drawn to the
+// straight segments and arcs of the line images. Every contour sample is drawn to all lines near it at once,
+// weighted by distance, with a width that shrinks (expectation maximisation; Granger, Pennec: Multi-scale
+// EM-ICP, ECCV 2002), so that the two edges of a thin plate move together before each settles on its own
+// line.
+#pragma once
+#include <span>
+
+#include "vss/identify/contour.h"
+
+namespace vss {
+
+struct CoarseFitOptions {
+  double start_width_px = 3.5;  // lines up to three times that far are looked at
+  double end_width_px = 0.7;
+  double position_sigma_mm = 25;  // how far the start may be off
+  double yaw_sigma_rad = 0.03;
+  double tilt_sigma_rad = 0;  // 0: the part does not lean
+  double dimension_sigma_mm = 25;
+};
+
+struct CoarseFit {
+  PlacedObject object;
+  int num_samples = 0;  // contour samples seen
+  double cost =
+      0;  // mean of 1 - exp(-d^2 / 2 w^2) over the samples at the end width: 0 perfect, 1 nothing fits
+};
+
+// `views`: those that may see the part; `others`: the solids of the other parts. Height and, unless asked
+// for, tilt stay as they are.
+CoarseFit FitToLines(const PlacedObject& start, std::span<const View> views, const Occluders* others,
+                     const CoarseFitOptions& options);
+
+// d ideal / d point in world (2 x 3); the point lies before the camera.
+Eigen::Matrix<double, 2, 3> IdealByWorld(const View& view, const Eigen::Vector3d& point_in_world);
+
+}  // namespace vss

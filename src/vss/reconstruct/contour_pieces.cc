@@ -1,0 +1,271 @@
+#include "vss/reconstruct/contour_pieces.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <unordered_map>
+
+namespace vss {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kParallelCos = 0.94;     // 20 degrees: below, a strip can follow both contours
+constexpr double kCrossMarginPx = 1.8;    // a crossing contour's blur reaches that far
+constexpr double kMinReachPx = 1.6;       // less holds no step
+constexpr double kMinHalfLengthPx = 1.4;  // less holds too few pixels
+constexpr double kSamePx = 0.3;           // two contours that near are one line of the picture
+constexpr double kCellPx = 16;            // of the hash grid
+
+// Along its contour: the picture tangent of a sample.
+Vector2d ImgTangent(const View& view, const ContourSample& s) {
+  const auto& k = view.camera->intrinsics;
+  Eigen::Matrix2d j;
+  if (!k.ImgFromNormalized(k.NormalizedFromIdeal(s.ideal), &j)) return s.ideal_tangent;
+  return (j * Vector2d(s.ideal_tangent.x() / k.fx_px, s.ideal_tangent.y() / k.fy_px)).normalized();
+}
+
+double DistanceToTriangle(const Vector3d& p, const std::array<Vector3d, 3>& t, double limit) {
+  const Vector3d n = (t[1] - t[0]).cross(t[2] - t[0]);
+  const double area = n.norm();
+  if (area < 1e-9) return INFINITY;
+  const double height = std::abs(n.dot(p - t[0])) / area;
+  if (height > limit) return INFINITY;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vector3d& a = t[i];
+    const Vector3d e = t[(i + 1) % 3] - a;
+    if (n.cross(e).dot(p - a) < -limit * area * e.norm()) return INFINITY;
+  }
+  return height;
+}
+
+struct Contact {
+  std::span<const WorldSolid> solids;
+  std::vector<Eigen::AlignedBox3d> boxes;
+  double gap_mm;
+
+  Contact(std::span<const WorldSolid> s, double gap) : solids(s), gap_mm(gap) {
+    for (const auto& solid : s) {
+      Eigen::AlignedBox3d box;
+      for (const auto& f : solid.faces)
+        for (const auto& t : f.triangles)
+          for (const auto& v : t) box.extend(v);
+      box.min().array() -= gap;
+      box.max().array() += gap;
+      boxes.push_back(box);
+    }
+  }
+
+  bool Touches(int part, const Vector3d& p) const {
+    if (std::abs(p.z()) < gap_mm) return true;
+    for (std::size_t i = 0; i < solids.size(); ++i) {
+      if (static_cast<int>(i) == part || !boxes[i].contains(p)) continue;
+      for (const auto& f : solids[i].faces)
+        for (const auto& t : f.triangles)
+          if (DistanceToTriangle(p, t, gap_mm) < gap_mm) return true;
+    }
+    return false;
+  }
+};
+
+struct Candidate {
+  ContourPiece piece;
+  int curve_id = 0;  // same for all samples of one edge, rim or limb
+  bool usable = false;
+};
+
+class Cutter {
+ public:
+  Cutter(std::span<const WorldSolid> solids, std::span<const Occluders> occluders, const View& view,
+         const PieceOptions& options)
+      : solids_(solids), view_(view), options_(options), contact_(solids, options.contact_gap_mm) {
+    for (std::size_t i = 0; i < solids.size(); ++i) AddPart(static_cast<int>(i), occluders[i]);
+    for (std::size_t i = 0; i < all_.size(); ++i) cells_[Cell(all_[i].piece.curve.point)].push_back(i);
+  }
+
+  std::vector<ContourPiece> Pieces() {
+    std::vector<ContourPiece> out;
+    for (auto& c : all_)
+      if (c.usable && Surround(c)) out.push_back(c.piece);
+    return out;
+  }
+
+ private:
+  static std::int64_t Key(std::int64_t u, std::int64_t v) { return (u << 32) + v; }
+  static std::int64_t Cell(const Vector2d& p) {
+    return Key(static_cast<std::int64_t>(std::floor(p.x() / kCellPx)),
+               static_cast<std::int64_t>(std::floor(p.y() / kCellPx)));
+  }
+
+  void AddPart(int part, const Occluders& others) {
+    const auto samples =
+        SampleContour(solids_[static_cast<std::size_t>(part)], view_, options_.length_px, 1, &others);
+    std::size_t begin = 0;
+    while (begin < samples.size()) {
+      std::size_t end = begin + 1;
+      const auto& a = samples[begin];
+      while (end < samples.size() && samples[end].source == a.source && samples[end].index == a.index &&
+             samples[end].limb_side == a.limb_side)
+        ++end;
+      AddCurve(part, std::span(samples).subspan(begin, end - begin));
+      begin = end;
+    }
+  }
+
+  // The samples of one edge, rim or limb, in order; those out of the picture are missing from it.
+  void AddCurve(int part, std::span<const ContourSample> samples) {
+    ++num_curves_;
+    const std::size_t n = samples.size();
+    std::vector<Vector2d> tangents;
+    for (const auto& s : samples) tangents.push_back(ImgTangent(view_, s));
+    for (std::size_t i = 0; i < n; ++i) {
+      if (!samples[i].visible) continue;
+      Candidate c;
+      c.curve_id = num_curves_;
+      c.piece.part = part;
+      c.piece.sample = samples[i];
+      const Vector2d& t = tangents[i];
+      c.piece.curve.point = samples[i].img;
+      c.piece.curve.normal = Vector2d(-t.y(), t.x());
+      double step_px = HalfLengthOfSingle(part, samples[i]) * 2;
+      bool free_ends = true;
+      std::array<bool, 2> has{i > 0, i + 1 < n};
+      double turn = 0, arc = 0;
+      for (int side : {0, 1}) {
+        if (!has[static_cast<std::size_t>(side)]) continue;
+        const std::size_t k = side == 0 ? i - 1 : i + 1;
+        const Vector2d q = samples[k].img - samples[i].img;
+        if (q.norm() > 3 * options_.length_px + 4)
+          continue;  // a gap: the samples between are not in the picture
+        free_ends &= samples[k].visible;
+        const double along = q.dot(t);
+        turn += 2 * c.piece.curve.normal.dot(q) / std::max(along * along, 1e-6);
+        arc += 1;
+        step_px = std::min(step_px, std::abs(along));
+      }
+      if (arc > 0) c.piece.curve.curvature = turn / arc;
+      c.piece.half_length_px = step_px / 2;
+      const bool round = samples[i].source == ContourSample::Source::kCircle;
+      if (!round && (i == 0 || i + 1 == n)) c.piece.half_length_px -= options_.vertex_margin_px;
+      c.usable = free_ends && c.piece.half_length_px >= kMinHalfLengthPx;
+      c.piece.edge_class = contact_.Touches(part, samples[i].point_in_world)   ? EdgeClass::kContact
+                           : samples[i].source != ContourSample::Source::kEdge ? EdgeClass::kRound
+                                                                               : EdgeClass::kFree;
+      all_.push_back(std::move(c));
+    }
+  }
+
+  // Half the picture length that one sample of its curve stands for.
+  double HalfLengthOfSingle(int part, const ContourSample& s) const {
+    const auto& solid = solids_[static_cast<std::size_t>(part)];
+    if (s.source != ContourSample::Source::kEdge || s.t != 0.5) return options_.length_px / 2;
+    const auto& e = solid.edges[static_cast<std::size_t>(s.index)];
+    const auto a = view_.ProjectIdeal(solid.vertices[static_cast<std::size_t>(e.start)].point);
+    const auto b = view_.ProjectIdeal(solid.vertices[static_cast<std::size_t>(e.end)].point);
+    return a && b ? std::min((*a - *b).norm(), 2 * options_.length_px) / 2 : options_.length_px / 2;
+  }
+
+  // Looks at the contours around; false where the piece cannot be measured.
+  bool Surround(Candidate& c) {
+    ContourPiece& p = c.piece;
+    p.reach_minus_px = p.reach_plus_px = options_.reach_px;
+    const Vector2d n = p.curve.normal, t(-n.y(), n.x());
+    const double look = options_.reach_px + p.half_length_px + options_.length_px + kCrossMarginPx;
+    struct Parallel {
+      double across, along;
+      std::size_t index;
+    };
+    std::map<int, Parallel> parallels;
+    const auto u0 = static_cast<std::int64_t>(std::floor((p.curve.point.x() - look) / kCellPx));
+    const auto u1 = static_cast<std::int64_t>(std::floor((p.curve.point.x() + look) / kCellPx));
+    const auto v0 = static_cast<std::int64_t>(std::floor((p.curve.point.y() - look) / kCellPx));
+    const auto v1 = static_cast<std::int64_t>(std::floor((p.curve.point.y() + look) / kCellPx));
+    for (auto u = u0; u <= u1; ++u)
+      for (auto v = v0; v <= v1; ++v) {
+        const auto cell = cells_.find(Key(u, v));
+        if (cell == cells_.end()) continue;
+        for (std::size_t i : cell->second) {
+          const Candidate& other = all_[i];
+          if (other.curve_id == c.curve_id) continue;
+          const Vector2d q = other.piece.curve.point - p.curve.point;
+          const Vector2d m = other.piece.curve.normal, tm(-m.y(), m.x());
+          const double half = std::max(other.piece.half_length_px, options_.length_px / 2);
+          if (std::abs(m.dot(n)) >= kParallelCos) {
+            if (std::abs(q.dot(t)) > p.half_length_px + half) continue;
+            const double across = -other.piece.curve.Distance(p.curve.point) * (m.dot(n) > 0 ? 1 : -1);
+            const auto [at, fresh] = parallels.insert({other.curve_id, {across, q.dot(t), i}});
+            if (!fresh && std::abs(q.dot(t)) < std::abs(at->second.along)) at->second = {across, q.dot(t), i};
+          } else {
+            Limit(p, q, t, n, tm, half);
+          }
+        }
+      }
+    for (const auto& [id, parallel] : parallels) {
+      const double gap = std::abs(parallel.across);
+      if (gap < kSamePx) {
+        p.edge_class = EdgeClass::kContact;  // where two parts meet
+        continue;
+      }
+      if (gap < options_.min_gap_px) return false;
+      const double reach = parallel.across > 0 ? p.reach_plus_px : p.reach_minus_px;
+      if (gap > reach + kCrossMarginPx) continue;
+      if (static_cast<int>(p.neighbours.size()) < kMaxNeighbours) {
+        ProfileCurve curve = all_[parallel.index].piece.curve;
+        if (curve.normal.dot(n) < 0) curve.normal = -curve.normal, curve.curvature = -curve.curvature;
+        p.neighbours.push_back(curve);
+      } else {
+        (parallel.across > 0 ? p.reach_plus_px : p.reach_minus_px) = gap - kCrossMarginPx;
+      }
+    }
+    return p.reach_minus_px >= kMinReachPx && p.reach_plus_px >= kMinReachPx;
+  }
+
+  // Shortens the reach to before a crossing contour, a stretch of +-half along tm around q.
+  static void Limit(ContourPiece& p, const Vector2d& q, const Vector2d& t, const Vector2d& n,
+                    const Vector2d& tm, double half) {
+    constexpr int kSteps = 8;
+    for (int k = -kSteps; k <= kSteps; ++k) {
+      const Vector2d at = q + tm * (half * k / kSteps);
+      if (std::abs(at.dot(t)) > p.half_length_px + kCrossMarginPx) continue;
+      const double across = at.dot(n);
+      double& reach = across > 0 ? p.reach_plus_px : p.reach_minus_px;
+      reach = std::min(reach, std::abs(across) - kCrossMarginPx);
+    }
+  }
+
+  std::span<const WorldSolid> solids_;
+  const View& view_;
+  const PieceOptions& options_;
+  Contact contact_;
+  std::vector<Candidate> all_;
+  std::unordered_map<std::int64_t, std::vector<std::size_t>> cells_;
+  int num_curves_ = 0;
+};
+
+}  // namespace
+
+std::vector<ContourPiece> CutContour(std::span<const WorldSolid> solids, std::span<const Occluders> occluders,
+                                     const View& view, const PieceOptions& options) {
+  return Cutter(solids, occluders, view, options).Pieces();
+}
+
+std::optional<double> TopUnder(const WorldSolid& solid, double x_mm, double y_mm, double z_mm) {
+  std::optional<double> top;
+  for (const auto& f : solid.faces)
+    for (const auto& t : f.triangles) {
+      const Vector3d n = (t[1] - t[0]).cross(t[2] - t[0]);
+      if (n.z() <= 0.5 * n.norm()) continue;
+      bool inside = true;
+      for (std::size_t i = 0; i < 3; ++i) {
+        const Vector3d e = t[(i + 1) % 3] - t[i];
+        inside &= e.x() * (y_mm - t[i].y()) - e.y() * (x_mm - t[i].x()) >= -1e-6 * e.norm();
+      }
+      if (!inside) continue;
+      const double z = t[0].z() - (n.x() * (x_mm - t[0].x()) + n.y() * (y_mm - t[0].y())) / n.z();
+      if (!top || std::abs(z - z_mm) < std::abs(*top - z_mm)) top = z;
+    }
+  return top;
+}
+
+}  // namespace vss

@@ -1,0 +1,48 @@
+// The visible contour of all parts in one picture, cut into short pieces along which an edge can be measured:
+// each knows how far its surroundings are free of other contours, and which parallel contours share its
+// strip.
+#pragma once
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "vss/identify/contour.h"
+#include "vss/reconstruct/edge_profile.h"
+
+namespace vss {
+
+// How much the place of an edge in the picture can be trusted to be the solid's edge.
+enum class EdgeClass {
+  kFree,     // nothing near behind it: top edges, outlines
+  kContact,  // lies on the ground or on another part: contact shadow and weld pull it
+  kRound,    // rim or limb of a cylinder
+};
+inline constexpr int kNumEdgeClasses = 3;
+
+struct ContourPiece {
+  int part = 0;
+  ContourSample sample;
+  ProfileCurve curve;  // in img, normal = tangent turned by +90 degrees (u towards v)
+  EdgeClass edge_class = EdgeClass::kFree;
+  double half_length_px = 0;
+  double reach_minus_px = 0, reach_plus_px = 0;  // free of crossing contours
+  std::vector<ProfileCurve> neighbours;          // parallel contours within reach
+};
+
+struct PieceOptions {
+  double length_px = 8;         // of a piece
+  double reach_px = 4;          // wanted on both sides
+  double vertex_margin_px = 2;  // kept clear at the ends of edges
+  double min_gap_px = 1.2;      // parallel contours nearer than that cannot be told apart
+  double contact_gap_mm = 4;    // an edge that near to the ground or to another part's face lies on it
+};
+
+// `solids` of all parts, `occluders[i]` the solids of all others that may hide part i.
+std::vector<ContourPiece> CutContour(std::span<const WorldSolid> solids, std::span<const Occluders> occluders,
+                                     const View& view, const PieceOptions& options);
+
+// Height of that face of `solid` which looks up at (x, y) and lies nearest to height z, or empty beside the
+// solid.
+std::optional<double> TopUnder(const WorldSolid& solid, double x_mm, double y_mm, double z_mm);
+
+}  // namespace vss

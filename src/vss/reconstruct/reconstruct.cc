@@ -1,0 +1,551 @@
+#include "vss/reconstruct/reconstruct.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "vss/base/parallel.h"
+#include "vss/reconstruct/adjustment.h"
+#include "vss/reconstruct/coarse_fit.h"
+#include "vss/reconstruct/observability.h"
+
+namespace vss {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr double kPriorPositionMm = 300, kPriorYawRad = 0.5;  // weak: only so that the system has a solution
+constexpr double kObservableGain =
+    30;  // a dimension is observed where the pictures know it 30 times better than its range
+constexpr double kTiltChiSquare = 18.4;  // two degrees of freedom, 1 in 10000
+constexpr double kMovedChiSquare = 3.7;  // per degree of freedom of six: 1 in 1000
+constexpr double kMinPolarityShare = 0.5;
+constexpr int kMinGroupPoints = 1;
+constexpr double kFarPx = 0.5;  // an edge that fits worse in most pictures does not belong to the part
+
+// What is measured and known of each picture while rounds go by.
+struct PictureState {
+  double blur_px = 0.7, blur_sigma_px = 0.3, noise = 0;
+};
+
+struct Measured {
+  std::vector<ObservationGroup> groups;
+  std::vector<double> blurs, noises;
+};
+
+double Median(std::vector<double> v, double otherwise) {
+  if (v.empty()) return otherwise;
+  const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
+  std::nth_element(v.begin(), middle, v.end());
+  return *middle;
+}
+
+std::vector<WorldSolid> PlaceAll(const std::vector<AdjustedPart>& parts) {
+  std::vector<WorldSolid> solids;
+  for (const auto& p : parts) solids.push_back(PlaceSolid(p.object, false));
+  return solids;
+}
+
+// For each part the solids of all others.
+std::vector<Occluders> OthersOf(std::span<const WorldSolid> solids) {
+  std::vector<Occluders> out(solids.size());
+  for (std::size_t i = 0; i < solids.size(); ++i)
+    for (std::size_t k = 0; k < solids.size(); ++k)
+      if (k != i) out[i].Add(solids[k], static_cast<int>(k));
+  return out;
+}
+
+// An edge keeps its bright side in one picture: of its points those go that say otherwise than most.
+void KeepOnePolarity(ObservationGroup& group) {
+  double sum = 0, total = 0;
+  for (const auto& o : group.observations) {
+    sum += o.contrast / o.sigma_px;
+    total += std::abs(o.contrast) / o.sigma_px;
+  }
+  if (std::abs(sum) < kMinPolarityShare * total) {
+    group.observations.clear();
+    return;
+  }
+  std::erase_if(group.observations, [&](const Observation& o) { return (o.contrast > 0) != (sum > 0); });
+}
+
+Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occluders> others, const View& view,
+                     int view_index, const GreyView& picture, const PictureState& state, double search_px,
+                     const ReconstructOptions& options) {
+  constexpr double kReachBlurs = 3.2;  // a step has ended that many blurs from its middle
+  constexpr double kMinReachPx = 2.5;
+  constexpr double kClearBlur = 0.12;  // relative: strips whose contrast allows to learn the blur from
+  PieceOptions cut;
+  cut.length_px = options.piece_length_px * std::max(1.0, state.blur_px);
+  cut.reach_px = std::max(kMinReachPx, search_px + kReachBlurs * state.blur_px);
+  cut.min_gap_px = 1.9 * state.blur_px;
+  cut.vertex_margin_px = 2 * state.blur_px + 0.7;
+  Measured out;
+  std::map<std::pair<int, int>, std::size_t> index;
+  for (const auto& piece : CutContour(solids, others, view, cut)) {
+    ProfileRequest request;
+    request.curve = piece.curve;
+    request.half_length_px = piece.half_length_px;
+    request.reach_minus_px = piece.reach_minus_px;
+    request.reach_plus_px = piece.reach_plus_px;
+    request.search_px = std::min(search_px, std::min(piece.reach_minus_px, piece.reach_plus_px));
+    request.blur_px = state.blur_px;
+    request.blur_sigma_px = state.blur_sigma_px;
+    request.neighbours = piece.neighbours;
+    const auto fit = FitProfile(picture, request, state.noise);
+    if (!fit) continue;
+    const auto key = std::pair(piece.part, ContourKey(piece.sample));
+    const auto [at, fresh] = index.insert({key, out.groups.size()});
+    if (fresh) {
+      ObservationGroup group;
+      group.part = piece.part;
+      group.view = view_index;
+      group.contour = key.second;
+      out.groups.push_back(std::move(group));
+    }
+    auto& group = out.groups[at->second];
+    if (piece.edge_class != EdgeClass::kFree) group.edge_class = piece.edge_class;
+    Observation o;
+    o.sample = piece.sample;
+    o.normal = piece.curve.normal;
+    o.measured = piece.curve.point + fit->offset_px * piece.curve.normal;
+    o.sigma_px = fit->sigma_px;
+    o.contrast = fit->contrast;
+    group.observations.push_back(o);
+    if (piece.neighbours.empty() && fit->sigma_px < kClearBlur * state.blur_px)
+      out.blurs.push_back(fit->blur_px);
+    out.noises.push_back(fit->rms);
+  }
+  for (auto& group : out.groups) KeepOnePolarity(group);
+  std::erase_if(out.groups, [](const auto& g) { return g.observations.size() < kMinGroupPoints; });
+  return out;
+}
+
+class Reconstructor {
+ public:
+  Reconstructor(std::span<const View> views, std::span<const GreyView> pictures,
+                std::span<const IdentifiedPart> given, const ReconstructOptions& options, int threads,
+                const Progress& progress)
+      : views_(views),
+        pictures_(pictures),
+        given_(given),
+        options_(options),
+        threads_(threads),
+        progress_(progress) {
+    for (std::size_t v = 0; v < views.size(); ++v) {
+      PictureState s;
+      if (views[v].lines) {
+        std::vector<double> blurs;
+        for (const auto& l : views[v].lines->segments)
+          if (l.blur_px > 0) blurs.push_back(l.blur_px);
+        s.blur_px = std::clamp(Median(blurs, s.blur_px), 0.4, 4.0);
+        s.noise = views[v].lines->noise_sigma;
+      }
+      states_.push_back(s);
+    }
+  }
+
+  Result<Reconstruction> Run() {
+    std::vector<AdjustedPart> parts = Start();
+    PriorOptions priors{options_.camera_rotation_sigma_mrad * 1e-3, options_.camera_position_sigma_mm,
+                        options_.picture_rotation_sigma_mrad * 1e-3, options_.picture_position_sigma_mm};
+    AdjustmentOptions adjust;
+    adjust.adjust_cameras = options_.adjust_cameras;
+    adjust.ground_sigma_mm = options_.ground_sigma_mm;
+    adjust.contact_sigma_mm = options_.contact_sigma_mm;
+    adjust.stop_sigma_mm = options_.stop_sigma_mm;
+    Adjustment a(views_, std::move(parts), MakeCameras(views_, priors), MakeStops(views_), adjust);
+    constexpr int kRounds = 4, kSteps = 4;
+    for (int round = 0; round < kRounds; ++round) {
+      if (progress_.Cancelled()) return Cancelled();
+      progress_.Report("reconstruct", round, kRounds);
+      const double search = std::max(options_.search_px * std::pow(0.55, round), 0.8);
+      Measure(a, search);
+      a.Solve(kSteps, round > 0);
+      if (round == 1 && options_.allow_tilt) DecideTilts(a);
+    }
+    SettlePriors(a);
+    ReleaseMovedCameras(a);
+    FixUnobservable(a);
+    a.Solve(kSteps, true);
+    a.ComputeCovariance();
+    progress_.Report("reconstruct", kRounds, kRounds);
+    return Report(a);
+  }
+
+ private:
+  // The parts as given, drawn to the lines, lowest first.
+  std::vector<AdjustedPart> Start() {
+    std::vector<AdjustedPart> parts;
+    for (const auto& g : given_) {
+      AdjustedPart p;
+      p.object = g.object;
+      p.stands_on = g.stands_on;
+      parts.push_back(std::move(p));
+    }
+    const auto solids = PlaceAll(parts);
+    const auto others = OthersOf(solids);
+    ParallelFor(parts.size(), threads_, [&](std::size_t i) { DrawToLines(parts[i], others[i]); });
+    for (auto& p : parts) SetPriors(p);
+    return parts;
+  }
+
+  void DrawToLines(AdjustedPart& part, const Occluders& others) const {
+    CoarseFitOptions o;
+    const CoarseFit upright = FitToLines(part.object, views_, &others, o);
+    part.object = upright.object;
+    if (!options_.allow_tilt || upright.num_samples == 0) return;
+    // Leaning parts fit the lines clearly better when they may lean.
+    constexpr double kMuchBetter = 0.75, kMinTiltRad = 0.003;
+    o.tilt_sigma_rad = RadFromDeg(options_.tilt_sigma_deg);
+    const CoarseFit leaning = FitToLines(part.object, views_, &others, o);
+    if (leaning.cost < kMuchBetter * upright.cost && leaning.object.placement.tail<2>().norm() > kMinTiltRad)
+      part.object = leaning.object;
+  }
+
+  void SetPriors(AdjustedPart& p) const {
+    const auto n = p.object.StateSize();
+    p.prior_value = p.object.State();
+    p.prior_sigma = VectorXd::Constant(n, kPriorPositionMm);
+    p.prior_sigma[3] = kPriorYawRad;
+    p.prior_sigma[4] = p.prior_sigma[5] = RadFromDeg(options_.tilt_sigma_deg);
+    p.prior_value[4] = p.prior_value[5] = 0;
+    const auto defs = p.object.model->dimensions();
+    for (std::size_t i = 0; i < defs.size(); ++i)
+      p.prior_sigma[kPlacementSize + static_cast<int>(i)] =
+          std::max(1.0, (defs[i].max_mm - defs[i].min_mm) / std::sqrt(12.0));
+    p.free.assign(static_cast<std::size_t>(n), true);
+    if (p.object.placement[4] == 0 && p.object.placement[5] == 0) p.free[4] = p.free[5] = false;
+  }
+
+  void Measure(Adjustment& a, double search_px) {
+    const auto views = a.AdjustedViews();
+    const auto solids = PlaceAll(a.parts);
+    const auto others = OthersOf(solids);
+    std::vector<Measured> found(views.size());
+    ParallelFor(views.size(), threads_, [&](std::size_t v) {
+      found[v] = MeasureView(solids, others, views[v], static_cast<int>(v), pictures_[v], states_[v],
+                             search_px, options_);
+    });
+    a.groups.clear();
+    for (std::size_t v = 0; v < views.size(); ++v) {
+      constexpr std::size_t kEnough = 20;
+      if (found[v].blurs.size() >= kEnough) {
+        states_[v].blur_px = Median(found[v].blurs, states_[v].blur_px);
+        states_[v].blur_sigma_px = 0.15 * states_[v].blur_px;
+      }
+      if (!views_[v].lines && found[v].noises.size() >= kEnough) {
+        std::sort(found[v].noises.begin(), found[v].noises.end());
+        states_[v].noise =
+            found[v].noises[found[v].noises.size() / 4];  // the cleanest quarter has noise alone
+      }
+      for (auto& g : found[v].groups) a.groups.push_back(std::move(g));
+    }
+    SettleClasses(a);
+  }
+
+  // A contour that lies on something in any picture does so in all; contacts get a bias.
+  static void SettleClasses(Adjustment& a) {
+    std::map<std::pair<int, int>, EdgeClass> classes;
+    for (const auto& g : a.groups) {
+      auto& c = classes[{g.part, g.contour}];
+      if (g.edge_class == EdgeClass::kContact || c == EdgeClass::kFree) c = g.edge_class;
+    }
+    for (auto& g : a.groups) {
+      g.edge_class = classes[{g.part, g.contour}];
+      if (g.edge_class == EdgeClass::kContact)
+        a.parts[static_cast<std::size_t>(g.part)].bias_px.insert({g.contour, 0.0});
+    }
+  }
+
+  // A part leans where that explains the pictures much better than standing straight.
+  void DecideTilts(Adjustment& a) const {
+    const double sigma = RadFromDeg(options_.tilt_sigma_deg);
+    for (std::size_t p = 0; p < a.parts.size(); ++p) {
+      auto& part = a.parts[p];
+      const int tilts[] = {4, 5};
+      part.prior_sigma[4] = part.prior_sigma[5] = sigma;
+      if (part.free[4]) continue;
+      if (a.GainOfFreeing(static_cast<int>(p), tilts, sigma).chi_square < kTiltChiSquare) continue;
+      part.free[4] = part.free[5] = true;
+    }
+    constexpr int kSteps = 3;
+    a.Solve(kSteps, true);
+  }
+
+  static void SettlePriors(Adjustment& a) {
+    constexpr int kTimes = 3, kSteps = 3;
+    for (int k = 0; k < kTimes; ++k) {
+      a.EstimatePriorScales();
+      a.Solve(kSteps, true);
+    }
+    a.ComputeCovariance();
+  }
+
+  // Chi-square per degree of freedom of a camera's correction against its prior: under it the correction has
+  // the covariance prior - posterior.
+  static double Significance(const Adjustment& a, std::size_t c) {
+    const auto& camera = a.cameras[c];
+    const double scale = camera.prior_from_calibration ? 1 : std::max(1.0, a.camera_scale);
+    const MatrixXd prior = scale * scale * camera.prior_covariance;
+    const VectorXd unit = prior.diagonal().cwiseSqrt().cwiseInverse();
+    const MatrixXd gained =
+        unit.asDiagonal() * (prior - a.CameraCovariance(static_cast<int>(c))) * unit.asDiagonal();
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(0.5 * (gained + gained.transpose()));
+    const VectorXd x = eigen.eigenvectors().transpose() * unit.cwiseProduct(camera.value);
+    double sum = 0;
+    int n = 0;
+    constexpr double kDetermined = 0.2;  // directions of which the pictures say little tell nothing
+    for (Eigen::Index i = 0; i < x.size(); ++i)
+      if (eigen.eigenvalues()[i] > kDetermined) sum += x[i] * x[i] / eigen.eigenvalues()[i], ++n;
+    return n > 0 ? sum / n : 0;
+  }
+
+  // The camera that least fits its prior is let go; then the others are looked at again.
+  void ReleaseMovedCameras(Adjustment& a) {
+    if (!options_.adjust_cameras) return;
+    significance_.assign(a.cameras.size(), 0);
+    for (std::size_t rounds = 0; rounds < a.cameras.size(); ++rounds) {
+      std::size_t worst = a.cameras.size();
+      for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+        if (a.cameras[c].loosened) continue;
+        significance_[c] = Significance(a, c);
+        if (worst == a.cameras.size() || significance_[c] > significance_[worst]) worst = c;
+      }
+      if (worst == a.cameras.size() || significance_[worst] < kMovedChiSquare) return;
+      a.cameras[worst].loosened = true;
+      constexpr int kSteps = 3;
+      a.Solve(kSteps, true);
+      SettlePriors(a);
+    }
+  }
+
+  // What the pictures do not determine goes back to what is known without them.
+  void FixUnobservable(Adjustment& a) {
+    observable_.clear();
+    bool changed = false;
+    for (std::size_t p = 0; p < a.parts.size(); ++p) {
+      auto& part = a.parts[p];
+      const auto seen =
+          AnalyseObservability(a.DataInformation(static_cast<int>(p)), part.prior_sigma, kObservableGain);
+      observable_.push_back(seen.observable);
+      std::vector<std::optional<double>> known;
+      bool all = true;
+      for (std::size_t i = 0; i < part.object.dimensions_mm.size(); ++i) {
+        const bool ok = seen.observable[kPlacementSize + i];
+        all &= ok;
+        known.push_back(ok ? std::optional(part.object.dimensions_mm[i]) : std::nullopt);
+      }
+      if (all) continue;
+      const auto usual = part.object.model->UsualDimensions(known);
+      for (std::size_t i = 0; i < usual.size(); ++i) {
+        if (known[i]) continue;
+        part.object.dimensions_mm[i] = usual[i];
+        part.free[kPlacementSize + i] = false;
+      }
+      changed = true;
+    }
+    if (changed) {
+      constexpr int kSteps = 3;
+      a.Solve(kSteps, true);
+    }
+  }
+
+  Reconstruction Report(Adjustment& a) const {
+    Reconstruction out;
+    for (std::size_t p = 0; p < a.parts.size(); ++p) out.parts.push_back(ReportPart(a, p));
+    for (const auto& view : a.AdjustedViews()) out.cam_from_world.push_back(view.cam_from_world);
+    for (const auto& g : a.groups) {
+      out.num_observations += static_cast<int>(g.observations.size());
+      ReportEdge(g, out.parts[static_cast<std::size_t>(g.part)]);
+    }
+    for (std::size_t p = 0; p < out.parts.size(); ++p) Summarise(out.parts[p], p, out.warnings);
+    out.systematic_px = a.systematic_px;
+    out.camera_scale = a.camera_scale;
+    out.stop_scale = a.stop_scale;
+    if (options_.adjust_cameras) ReportCameras(a, out);
+    return out;
+  }
+
+  ReconstructedPart ReportPart(const Adjustment& a, std::size_t p) const {
+    const auto& part = a.parts[p];
+    ReconstructedPart out;
+    out.object = part.object;
+    out.stands_on = part.stands_on;
+    out.leans = part.free[4];
+    out.observable = observable_[p];
+    out.covariance = a.PartCovariance(static_cast<int>(p));
+    const auto defs = part.object.model->dimensions();
+    for (std::size_t i = 0; i < defs.size(); ++i) {
+      const auto at = kPlacementSize + static_cast<Eigen::Index>(i);
+      ReconstructedDimension d;
+      d.name = defs[i].name;
+      d.value_mm = part.object.dimensions_mm[i];
+      d.observable = observable_[p][static_cast<std::size_t>(at)];
+      if (!d.observable) {
+        // Not measured: known no better than its range.
+        out.covariance(at, at) = part.prior_sigma[at] * part.prior_sigma[at];
+        d.origin =
+            defs[i].usual_mm
+                ? fmt::format("the pictures do not determine it: the knowledge base's usual value of {}",
+                              d.name)
+                : fmt::format(
+                      "the pictures do not determine it: a value within the knowledge base's range {} to {} "
+                      "mm",
+                      defs[i].min_mm, defs[i].max_mm);
+      }
+      d.sigma_mm = std::sqrt(std::max(0.0, out.covariance(at, at)));
+      out.dimensions.push_back(std::move(d));
+    }
+    for (const auto& v : PlaceSolid(part.object).vertices)
+      out.vertex_sigma.push_back(
+          (v.by_state * out.covariance * v.by_state.transpose()).diagonal().cwiseMax(0).cwiseSqrt());
+    return out;
+  }
+
+  static void ReportEdge(const ObservationGroup& g, ReconstructedPart& part) {
+    EdgeResidual e;
+    const auto& s = g.observations[0].sample;
+    e.source = s.source;
+    e.index = s.index;
+    e.limb_side = s.limb_side;
+    e.view = g.view;
+    e.edge_class = g.edge_class;
+    e.mean_px = -g.mean_px;
+    double sum = 0, n = 0;
+    for (const auto& o : g.observations)
+      if (o.weight > 0) sum += o.residual_px * o.residual_px, ++n;
+    e.rms_px = n > 0 ? std::sqrt(sum / n) : 0;
+    e.num_points = static_cast<int>(n);
+    e.used = g.weight > 0 && n > 0;
+    part.edges.push_back(e);
+    if (e.used && (part.views.empty() || part.views.back() != g.view)) part.views.push_back(g.view);
+  }
+
+  void Summarise(ReconstructedPart& part, std::size_t p, std::vector<std::string>& warnings) const {
+    double sum = 0, n = 0;
+    std::map<std::tuple<int, int, int>, std::vector<double>> by_edge;
+    for (const auto& e : part.edges) {
+      by_edge[{static_cast<int>(e.source), e.index, e.limb_side}].push_back(std::abs(e.mean_px));
+      if (!e.used) continue;
+      sum += e.mean_px * e.mean_px;
+      ++n;
+    }
+    part.residual_px = n > 0 ? std::sqrt(sum / n) : 0;
+    constexpr std::size_t kEnoughViews = 3;
+    for (const auto& [key, means] : by_edge)
+      if (means.size() >= kEnoughViews && Median(means, 0) > kFarPx)
+        part.remarks.push_back(
+            fmt::format("{} {} lies {:.2f} px off in the middle of {} pictures: the part is bent there or of "
+                        "another kind",
+                        std::get<0>(key) == 0   ? "edge"
+                        : std::get<0>(key) == 1 ? "rim"
+                                                : "limb",
+                        std::get<1>(key), Median(means, 0), means.size()));
+    if (n == 0)
+      warnings.push_back(
+          fmt::format("part {} ({}): no picture shows an edge of it that could be measured; its values are "
+                      "those of identification",
+                      p + 1, part.object.model->kind()));
+  }
+
+  void ReportCameras(const Adjustment& a, Reconstruction& out) const {
+    for (std::size_t c = 0; c < a.cameras.size(); ++c) {
+      const auto& camera = a.cameras[c];
+      CameraCorrection r;
+      r.camera = camera.camera->id;
+      r.views = camera.views;
+      r.rotation_rad = camera.value.head<3>();
+      r.shift_mm = camera.value.segment<3>(3);
+      const VectorXd sigma = a.CameraCovariance(static_cast<int>(c)).diagonal().cwiseMax(0).cwiseSqrt();
+      r.rotation_sigma_rad = sigma.head<3>();
+      r.shift_sigma_mm = sigma.segment<3>(3);
+      r.significance = c < significance_.size() ? significance_[c] : 0;
+      r.moved = camera.loosened;
+      if (r.moved) out.warnings.push_back(MovedSentence(r));
+      out.cameras.push_back(std::move(r));
+    }
+    for (std::size_t s = 0; s < a.stops.size(); ++s)
+      out.stops.push_back({a.stops[s].stop, a.stops[s].value,
+                           a.StopCovariance(static_cast<int>(s)).diagonal().cwiseMax(0).cwiseSqrt()});
+  }
+
+  static std::string MovedSentence(const CameraCorrection& r) {
+    const bool one = r.views.size() == 1;
+    return fmt::format(
+        "{} {} does not stand where its calibration says: turned by {:.2f} mrad and moved by {:.1f} mm "
+        "(chi-square {:.1f} "
+        "per degree of freedom); it was adjusted, calibrate it again",
+        one ? "the picture of camera" : "camera", r.camera, r.rotation_rad.norm() * 1e3, r.shift_mm.norm(),
+        r.significance);
+  }
+
+  std::span<const View> views_;
+  std::span<const GreyView> pictures_;
+  std::span<const IdentifiedPart> given_;
+  const ReconstructOptions& options_;
+  int threads_;
+  const Progress& progress_;
+  std::vector<PictureState> states_;
+  std::vector<std::vector<bool>> observable_;
+  std::vector<double> significance_;
+};
+
+}  // namespace
+
+std::span<const ParameterOf<ReconstructOptions>> ReconstructParameters() {
+  using O = ReconstructOptions;
+  static const ParameterOf<O> rows[] = {
+      {"reconstruct.search_px", &O::search_px, 0.5, 20, "px",
+       "How far from its predicted place an edge is looked for in the first round."},
+      {"reconstruct.piece_length_px", &O::piece_length_px, 4, 64, "px",
+       "Length of the pieces of contour that are measured one by one, for a lens blur of one pixel or less."},
+      {"reconstruct.adjust_cameras", &O::adjust_cameras, 0, 1, "",
+       "Adjust cameras and gantry stops jointly with the parts, under their priors."},
+      {"reconstruct.camera_rotation_sigma_mrad", &O::camera_rotation_sigma_mrad, 1e-4, 100, "mrad",
+       "How well a carried camera's direction is known where its file does not say."},
+      {"reconstruct.camera_position_sigma_mm", &O::camera_position_sigma_mm, 1e-4, 100, "mm",
+       "How well a carried camera's place is known where its file does not say."},
+      {"reconstruct.picture_rotation_sigma_mrad", &O::picture_rotation_sigma_mrad, 1e-4, 100, "mrad",
+       "How well the direction of a hand-held or robot-held picture is known."},
+      {"reconstruct.picture_position_sigma_mm", &O::picture_position_sigma_mm, 1e-4, 100, "mm",
+       "How well the place of a hand-held or robot-held picture is known."},
+      {"reconstruct.stop_sigma_mm", &O::stop_sigma_mm, 1e-4, 100, "mm",
+       "How well the carriage stops where the survey says it does."},
+      {"reconstruct.ground_sigma_mm", &O::ground_sigma_mm, 1e-3, 100, "mm",
+       "How flat the ground is, and how well it is z = 0."},
+      {"reconstruct.contact_sigma_mm", &O::contact_sigma_mm, 1e-3, 100, "mm",
+       "How closely a part lies on the one that it stands on."},
+      {"reconstruct.tilt_sigma_deg", &O::tilt_sigma_deg, 0.01, 10, "deg",
+       "How far parts lean, where they do."},
+      {"reconstruct.allow_tilt", &O::allow_tilt, 0, 1, "", "Let a part lean where the pictures demand it."},
+  };
+  return rows;
+}
+
+Result<Reconstruction> ReconstructScene(std::span<const View> views, std::span<const GreyView> pictures,
+                                        std::span<const IdentifiedPart> parts,
+                                        const ReconstructOptions& options, int threads,
+                                        const Progress& progress) {
+  if (views.size() != pictures.size())
+    return tl::unexpected<Error>(
+        {ErrorCode::kInternal,
+         fmt::format("reconstruction got {} pictures for {} views", pictures.size(), views.size())});
+  for (std::size_t v = 0; v < views.size(); ++v)
+    if (pictures[v].width != views[v].camera->width_px || pictures[v].height != views[v].camera->height_px)
+      return InputError("picture {} has {} x {} pixels, but its camera {} has {} x {}", v, pictures[v].width,
+                        pictures[v].height, views[v].camera->id, views[v].camera->width_px,
+                        views[v].camera->height_px);
+  if (parts.empty()) {
+    Reconstruction nothing;
+    for (const auto& v : views) nothing.cam_from_world.push_back(v.cam_from_world);
+    return nothing;
+  }
+  return Reconstructor(views, pictures, parts, options, threads, progress).Run();
+}
+
+}  // namespace vss
