@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <optional>
 
 namespace vss {
@@ -93,38 +94,85 @@ struct Sums {
   int num_samples = 0;
 };
 
+struct Pulled {
+  std::size_t sample;
+  std::size_t line;  // segments first, then arcs
+  Pull pull;
+};
+
+std::vector<Pulled> AllPulls(const ViewSamples& look, double width) {
+  std::vector<Pulled> pulls;
+  auto take = [&](std::size_t sample, std::size_t line, const std::optional<Pull>& pull) {
+    if (pull && std::abs(pull->distance) < kCutWidths * width) pulls.push_back({sample, line, *pull});
+  };
+  for (std::size_t i = 0; i < look.samples.size(); ++i) {
+    const auto& s = look.samples[i];
+    for (std::size_t l = 0; l < look.segments.size(); ++l)
+      take(i, l, TowardsSegment(*look.segments[l], s, width));
+    if (s.source != ContourSample::Source::kCircle) continue;
+    for (std::size_t l = 0; l < look.arcs.size(); ++l)
+      take(i, look.segments.size() + l, TowardsArc(*look.arcs[l], s));
+  }
+  return pulls;
+}
+
+int CurveOf(const ContourSample& s) { return (s.index * 3 + static_cast<int>(s.source)) * 3 + s.limb_side; }
+
+// How much of a line each of the part's curves may claim: a line belongs to one of them, the nearest most
+// likely.
+std::map<std::pair<std::size_t, int>, double> Claims(const ViewSamples& look,
+                                                     const std::vector<Pulled>& pulls, double width) {
+  std::map<std::pair<std::size_t, int>, std::pair<double, double>> sums;  // squared distance, count
+  for (const auto& p : pulls) {
+    auto& [d2, n] = sums[{p.line, CurveOf(look.samples[p.sample])}];
+    d2 += p.pull.distance * p.pull.distance;
+    ++n;
+  }
+  std::map<std::size_t, double> totals;
+  std::map<std::pair<std::size_t, int>, double> claims;
+  for (const auto& [key, sum] : sums)
+    totals[key.first] += claims[key] = std::exp(-sum.first / sum.second / (2 * width * width));
+  for (auto& [key, claim] : claims) claim /= totals[key.first];
+  return claims;
+}
+
 void Accumulate(const WorldSolid& solid, const ViewSamples& look, double width, Sums& sums) {
-  std::vector<std::pair<Pull, double>> pulls;
-  for (const auto& s : look.samples) {
-    pulls.clear();
-    double total = kOutlier, nearest = INFINITY;
-    auto take = [&](const std::optional<Pull>& pull) {
-      if (!pull || std::abs(pull->distance) > kCutWidths * width) return;
-      const double w = std::exp(-pull->distance * pull->distance / (2 * width * width));
-      total += w;
-      nearest = std::min(nearest, std::abs(pull->distance));
-      pulls.emplace_back(*pull, w);
-    };
-    for (const auto* l : look.segments) take(TowardsSegment(*l, s, width));
-    if (s.source == ContourSample::Source::kCircle)
-      for (const auto* a : look.arcs) take(TowardsArc(*a, s));
-    ++sums.num_samples;
-    sums.cost += 1 - (pulls.empty() ? 0 : std::exp(-nearest * nearest / (2 * width * width)));
-    if (pulls.empty()) continue;
+  const auto pulls = AllPulls(look, width);
+  const auto claims = Claims(look, pulls, width);
+  sums.num_samples += static_cast<int>(look.samples.size());
+  sums.cost += static_cast<double>(look.samples.size());
+  for (std::size_t begin = 0, end = 0; begin < pulls.size(); begin = end) {
+    const auto& s = look.samples[pulls[begin].sample];
+    std::vector<double> weights;
+    double total = kOutlier, best = 0;
+    for (end = begin; end < pulls.size() && pulls[end].sample == pulls[begin].sample; ++end) {
+      const double d = pulls[end].pull.distance, claim = claims.at({pulls[end].line, CurveOf(s)});
+      weights.push_back(claim * std::exp(-d * d / (2 * width * width)));
+      total += weights.back();
+      best = std::max(best, weights.back());
+    }
+    sums.cost -= best;
     const MatrixXd by_state = IdealByWorld(*look.view, s.point_in_world) * SampleByState(solid, s);
-    for (const auto& [pull, w] : pulls) {
-      const VectorXd j = by_state.transpose() * pull.normal;
-      const double weight = w / total / (width * width);
+    for (std::size_t i = begin; i < end; ++i) {
+      const VectorXd j = by_state.transpose() * pulls[i].pull.normal;
+      const double weight = weights[i - begin] / total / (width * width);
       sums.h.selfadjointView<Eigen::Lower>().rankUpdate(j, weight);
-      sums.g -= weight * pull.distance * j;
+      sums.g -= weight * pulls[i].pull.distance * j;
     }
   }
 }
 
-VectorXd PriorWeights(int size, const CoarseFitOptions& o) {
-  constexpr double kFixed = 1e12;
-  VectorXd w(size);
-  w.setConstant(1 / (o.dimension_sigma_mm * o.dimension_sigma_mm));
+// While lines are looked for far off, dimensions keep nearly as they are: free ones would let the two edges
+// of a thin plate fall onto one line.
+VectorXd PriorWeights(const PlacedObject& start, double width, const CoarseFitOptions& o) {
+  constexpr double kFixed = 1e12, kStiff = 0.02, kFreeWidthPx = 1.5;
+  VectorXd w(start.StateSize());
+  for (std::size_t i = 0; i < start.dimensions_mm.size(); ++i) {
+    const double sigma = width > kFreeWidthPx
+                             ? std::min(o.dimension_sigma_mm, kStiff * start.dimensions_mm[i])
+                             : o.dimension_sigma_mm;
+    w[kPlacementSize + static_cast<int>(i)] = 1 / (sigma * sigma);
+  }
   w[0] = w[1] = 1 / (o.position_sigma_mm * o.position_sigma_mm);
   w[2] = kFixed;
   w[3] = 1 / (o.yaw_sigma_rad * o.yaw_sigma_rad);
@@ -153,8 +201,9 @@ Eigen::Matrix<double, 2, 3> IdealByWorld(const View& view, const Eigen::Vector3d
 CoarseFit FitToLines(const PlacedObject& start, std::span<const View> views, const Occluders* others,
                      const CoarseFitOptions& options) {
   CoarseFit fit{start, 0, 1};
-  const VectorXd x0 = start.State(), prior = PriorWeights(start.StateSize(), options);
+  const VectorXd x0 = start.State();
   for (double width = options.start_width_px;; width = std::max(width * kShrink, options.end_width_px)) {
+    const VectorXd prior = PriorWeights(start, width, options);
     for (int step = 0; step < kStepsPerWidth; ++step) {
       const WorldSolid solid = PlaceSolid(fit.object);
       const auto n = x0.size();
@@ -169,6 +218,7 @@ CoarseFit FitToLines(const PlacedObject& start, std::span<const View> views, con
       sums.g += prior.cwiseProduct(x0 - x);
       fit.object.SetState(x + sums.h.selfadjointView<Eigen::Lower>().ldlt().solve(sums.g));
       KeepInRange(fit.object);
+      if (options.tilt_sigma_rad <= 0) fit.object.placement.tail<2>() = start.placement.tail<2>();
     }
     if (width <= options.end_width_px) return fit;
   }

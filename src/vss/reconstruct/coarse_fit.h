@@ -13,17 +13,17 @@ namespace vss {
 struct CoarseFitOptions {
   double start_width_px = 3.5;  // lines up to three times that far are looked at
   double end_width_px = 0.7;
-  double position_sigma_mm = 25;  // how far the start may be off
-  double yaw_sigma_rad = 0.03;
+  double position_sigma_mm = 15;  // how far the start may be off
+  double yaw_sigma_rad = 0.02;
   double tilt_sigma_rad = 0;  // 0: the part does not lean
-  double dimension_sigma_mm = 25;
+  double dimension_sigma_mm = 10;
 };
 
 struct CoarseFit {
   PlacedObject object;
   int num_samples = 0;  // contour samples seen
   double cost =
-      0;  // mean of 1 - exp(-d^2 / 2 w^2) over the samples at the end width: 0 perfect, 1 nothing fits
+      0;  // mean over the samples of 1 - the best line's weight at the end width: 0 perfect, 1 nothing fits
 };
 
 // `views`: those that may see the part; `others`: the solids of the other parts. Height and, unless asked

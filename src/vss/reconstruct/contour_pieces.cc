@@ -203,10 +203,10 @@ class Cutter {
       }
     for (const auto& [id, parallel] : parallels) {
       const double gap = std::abs(parallel.across);
-      if (gap < kSamePx) {
-        p.edge_class = EdgeClass::kContact;  // where two parts meet
-        continue;
-      }
+      // Where two parts meet, their edges are one line of the picture.
+      const bool meet =
+          gap < kSamePx && p.edge_class == EdgeClass::kContact && all_[parallel.index].piece.part != p.part;
+      if (meet) continue;
       if (gap < options_.min_gap_px) return false;
       const double reach = parallel.across > 0 ? p.reach_plus_px : p.reach_minus_px;
       if (gap > reach + kCrossMarginPx) continue;

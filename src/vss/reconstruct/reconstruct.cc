@@ -86,6 +86,7 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
   cut.vertex_margin_px = 2 * state.blur_px + 0.7;
   Measured out;
   std::map<std::pair<int, int>, std::size_t> index;
+  std::vector<int> contacts;  // of each group: pieces that lie on something, less the others
   for (const auto& piece : CutContour(solids, others, view, cut)) {
     ProfileRequest request;
     request.curve = piece.curve;
@@ -106,9 +107,10 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
       group.view = view_index;
       group.contour = key.second;
       out.groups.push_back(std::move(group));
+      contacts.push_back(0);
     }
     auto& group = out.groups[at->second];
-    if (piece.edge_class != EdgeClass::kFree) group.edge_class = piece.edge_class;
+    contacts[at->second] += piece.edge_class == EdgeClass::kContact ? 1 : -1;
     Observation o;
     o.sample = piece.sample;
     o.normal = piece.curve.normal;
@@ -120,6 +122,8 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
       out.blurs.push_back(fit->blur_px);
     out.noises.push_back(fit->rms);
   }
+  for (std::size_t i = 0; i < out.groups.size(); ++i)
+    if (contacts[i] > 0) out.groups[i].edge_class = EdgeClass::kContact;
   for (auto& group : out.groups) KeepOnePolarity(group);
   std::erase_if(out.groups, [](const auto& g) { return g.observations.size() < kMinGroupPoints; });
   return out;
@@ -248,17 +252,17 @@ class Reconstructor {
     SettleClasses(a);
   }
 
-  // A contour that lies on something in any picture does so in all; contacts get a bias.
+  // A contour is what most of its measured pieces are; contacts get a bias.
   static void SettleClasses(Adjustment& a) {
-    std::map<std::pair<int, int>, EdgeClass> classes;
-    for (const auto& g : a.groups) {
-      auto& c = classes[{g.part, g.contour}];
-      if (g.edge_class == EdgeClass::kContact || c == EdgeClass::kFree) c = g.edge_class;
-    }
+    std::map<std::pair<int, int>, double> votes;
+    auto vote = [](EdgeClass c) { return c == EdgeClass::kContact ? 1.0 : -1.0; };
+    for (const auto& g : a.groups)
+      votes[{g.part, g.contour}] += vote(g.edge_class) * static_cast<double>(g.observations.size());
     for (auto& g : a.groups) {
-      g.edge_class = classes[{g.part, g.contour}];
-      if (g.edge_class == EdgeClass::kContact)
-        a.parts[static_cast<std::size_t>(g.part)].bias_px.insert({g.contour, 0.0});
+      const bool contact = votes[{g.part, g.contour}] > 0;
+      const bool straight = g.observations[0].sample.source == ContourSample::Source::kEdge;
+      g.edge_class = contact ? EdgeClass::kContact : straight ? EdgeClass::kFree : EdgeClass::kRound;
+      if (contact) a.parts[static_cast<std::size_t>(g.part)].bias_px.insert({g.contour, 0.0});
     }
   }
 
