@@ -1,7 +1,7 @@
 // How accurate reconstruction is, without identification: starts from the truth of a survey, moved at random,
 // and compares what comes out with the truth.
 //
-//   bench_reconstruct SURVEY_FOLDER [--move MM] [--turn DEG] [--seed N] [--threads N] [--stop N] [--knock
+//   accuracy_reconstruct SURVEY_FOLDER [--move MM] [--turn DEG] [--seed N] [--threads N] [--stop N] [--knock
 //   MRAD,MM]
 //                     [--cameras FOLDER] [--product FILE] [--verbose] [--set NAME=VALUE]...
 #include "vss/reconstruct/reconstruct.h"
