@@ -33,13 +33,12 @@ struct Sampler {
   double spacing_px;
   int min_samples;
   const Occluders* others;
-  Occluders self;
+  std::vector<const std::array<Vector3d, 3>*> self;  // triangles that may hide the solid's own contour
   std::vector<bool> front;
   std::vector<ContourSample> samples;
 
   Sampler(const WorldSolid& s, const View& v, double spacing, int least, const Occluders* o)
       : solid(s), view(v), spacing_px(spacing), min_samples(least), others(o) {
-    self.Add(solid, 0);
     front.resize(solid.faces.size());
     for (std::size_t i = 0; i < solid.faces.size(); ++i) {
       const auto& f = solid.faces[i];
@@ -56,13 +55,20 @@ struct Sampler {
     return (f.is_hole ? -1.0 : 1.0) * out.dot(view.center_in_world - at) > 0;
   }
 
+  bool HidesItself(const Vector3d& point) const {
+    const Vector3d d = point - view.center_in_world;
+    const double limit = 1 - kSelfMarginMm / std::max(d.norm(), kSelfMarginMm);
+    return std::any_of(self.begin(), self.end(),
+                       [&](const auto* t) { return Meets(view.center_in_world, d, limit, *t); });
+  }
+
   // `lift` (mm): where the ray that asks for visibility ends, against the sample's own point.
   void Add(ContourSample sample, const Vector3d& tangent, int face_a, int face_b,
            const Vector3d& lift = Vector3d::Zero()) {
-    const auto img = view.ProjectInside(sample.point_in_world);
-    if (!img) return;
     const bool a = FaceFront(face_a, sample.point_in_world), b = FaceFront(face_b, sample.point_in_world);
     if (!a && !b && sample.source != ContourSample::Source::kLimb) return;
+    const auto img = view.ProjectInside(sample.point_in_world);
+    if (!img) return;
     const auto ideal = view.ProjectIdeal(sample.point_in_world);
     const double step = 1e-3 * (sample.point_in_world - view.center_in_world).norm();
     const auto ahead = view.ProjectIdeal(sample.point_in_world + step * tangent);
@@ -74,8 +80,8 @@ struct Sampler {
     sample.ideal_tangent = direction.normalized();
     sample.silhouette = a != b || sample.source == ContourSample::Source::kLimb;
     const Vector3d target = sample.point_in_world + lift;
-    sample.visible = self.Free(view.center_in_world, target, kSelfMarginMm) &&
-                     (!others || others->Free(view.center_in_world, target, kSelfMarginMm));
+    sample.visible =
+        !HidesItself(target) && (!others || others->Free(view.center_in_world, target, kSelfMarginMm));
     samples.push_back(sample);
   }
 

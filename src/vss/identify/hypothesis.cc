@@ -136,7 +136,7 @@ class Seeder {
     const auto lines = context_.lines;
     for (std::size_t i = 0; i < lines.size(); ++i) {
       for (std::size_t k = 0; k < lines.size(); ++k) {
-        if (i == k || !MayPair(lines[i], lines[k])) continue;
+        if (i == k || lines[i].num_views + lines[k].num_views < 5 || !MayPair(lines[i], lines[k])) continue;
         for (const auto& pair : kind_.pairs) FromPair(pair, lines[i], lines[k]);
       }
     }
@@ -153,6 +153,11 @@ class Seeder {
 
   // `a` for the pair's first edge, `b` for its second.
   void FromPair(const KindTemplate::Pair& pair, const WorldLine& a, const WorldLine& b) {
+    if (pair.level) {
+      const Vector3d u = a.Unit(), mid = (b.start + b.end) / 2;
+      const Vector3d opposite = a.start + u * u.dot(mid - a.start);
+      if (std::abs(opposite.z() - mid.z()) > 2 * kSeedTolerancePx * context_.mm_per_px) return;
+    }
     const Vector3d first =
         EdgeDirection(usual_solid_, usual_solid_.edges[std::size_t(pair.first)]).normalized();
     const Vector3d second =
@@ -286,7 +291,9 @@ class Seeder {
   }
 
   double Score(const PlacedObject& o, const std::vector<int>& views) const {
-    return Weigh(PlaceSolid(o, false), views, context_.scene, {}).log_odds;
+    return Weigh(PlaceSolid(o, false), views, context_.scene,
+                 {.spacing_px = 10, .num_dimensions = int(o.dimensions_mm.size())})
+        .log_odds;
   }
 
   // Candidates for dimension `d` from the lines of all pictures: values at which predicted contours meet
@@ -461,7 +468,13 @@ std::vector<KindTemplate> MakeTemplates(const KnowledgeBase& knowledge) {
                             (as.second - bs.second).tail(int(model->dimensions().size())).norm() +
                                     (ae.second - be.second).tail(int(model->dimensions().size())).norm() <
                                 1e-9;
-          t.pairs.push_back({int(i), int(k), same});
+          // Level with each other at all dimensions.
+          const auto& va = solid.vertices[std::size_t(a.start)];
+          const auto& vb = solid.vertices[std::size_t(turned ? b.end : b.start)];
+          const bool level =
+              std::abs(va.point.z() - vb.point.z()) < 1e-6 &&
+              (va.by_state.row(2) - vb.by_state.row(2)).tail(int(model->dimensions().size())).norm() < 1e-9;
+          t.pairs.push_back({int(i), int(k), same, same && level});
         }
       for (std::size_t i = 0; i < solid.circles.size(); ++i)
         if (above(solid.circles[i].plane_face)) t.rims.push_back(int(i));
@@ -488,7 +501,9 @@ bool RefineAndWeigh(Hypothesis& h, const SeedContext& context, const Occluders* 
     h.object = before;
   const WorldSolid solid = PlaceSolid(h.object, false);
   h.views = ViewsThatSee(solid, context.scene.views, context.max_views);
-  h.log_odds = Weigh(solid, h.views, context.scene, {}, others, claims).log_odds;
+  h.log_odds = Weigh(solid, h.views, context.scene, {.num_dimensions = int(h.object.dimensions_mm.size())},
+                     others, claims)
+                   .log_odds;
   return true;
 }
 

@@ -30,6 +30,7 @@ struct KindTemplate {
   struct Pair {
     int first, second;  // edges, parallel, of one face seen from above
     bool same_extent;   // their ends lie side by side whatever the dimensions
+    bool level;         // and at one height
   };
   std::vector<Pair> pairs;
   std::vector<int> rims;  // circles of a face seen from above

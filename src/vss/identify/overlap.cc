@@ -42,7 +42,7 @@ double SharedVolume(const Volume& a, const Volume& b, double touch_mm) {
   if (a.triangles.empty() || b.triangles.empty()) return 0;
   const Eigen::AlignedBox3d common = a.box.intersection(b.box);
   if (common.isEmpty() || (common.sizes().array() < touch_mm).any()) return 0;
-  constexpr int kSteps = 14;
+  constexpr int kSteps = 10;
   int inside = 0;
   for (int i = 0; i < kSteps; ++i)
     for (int j = 0; j < kSteps; ++j)
@@ -57,7 +57,7 @@ double SharedVolume(const Volume& a, const Volume& b, double touch_mm) {
                  v.Contains(p - Vector3d(touch_mm / 2, -touch_mm / 2, 0)) &&
                  v.Contains(p + Vector3d(0, 0, touch_mm / 2)) && v.Contains(p - Vector3d(0, 0, touch_mm / 2));
         };
-        if (deep(a) && deep(b)) ++inside;
+        if (a.Contains(p) && b.Contains(p) && deep(a) && deep(b)) ++inside;
       }
   const double shared = common.volume() * inside / double(kSteps * kSteps * kSteps);
   return shared / std::max(1.0, std::min(a.mm3, b.mm3));

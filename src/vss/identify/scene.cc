@@ -76,6 +76,7 @@ class SceneSolver {
     StackOnTops();
     if (progress_.Cancelled()) return Cancelled();
     Select();
+    if (getenv("VSS_DEBUG")) for (auto& it : items_) { fprintf(stderr, "item %s rest%d on %d lo %.1f xyz %.0f %.0f %.0f yaw %.1f dims", it.kind.c_str(), it.h.object.resting_pose, it.support_item, it.h.log_odds, it.h.object.placement[0], it.h.object.placement[1], it.h.object.placement[2], it.h.object.placement[3]*57.3); for (double d : it.h.object.dimensions_mm) fprintf(stderr, " %.1f", d); fprintf(stderr, "%s\n", it.accepted ? " ACCEPTED" : ""); auto s = PlaceSolid(it.h.object, false); auto e = Weigh(s, it.h.views, scene_, {}); if (getenv("VSS_EDGES")) for (auto& k : e.edges) fprintf(stderr, "     src%d idx%d views%d vis %.0f sup %.0f lo %.1f\n", (int)k.source, k.index, k.views, k.visible_px, k.supported_px, k.log_odds); }
     return Collect();
   }
 
@@ -198,8 +199,9 @@ class SceneSolver {
       if (blocked) continue;
       Occluders others;
       for (int a : accepted) others.Add(PlaceSolid(items_[std::size_t(a)].h.object, false), a);
-      const double now =
-          Weigh(PlaceSolid(item.h.object, false), item.h.views, scene_, {}, &others, &claims).log_odds;
+      const double now = Weigh(PlaceSolid(item.h.object, false), item.h.views, scene_,
+                               {.num_dimensions = int(item.h.object.dimensions_mm.size())}, &others, &claims)
+                             .log_odds;
       if (now < options_.accept_log_odds) continue;
       if (now < old_score - 1e-9 && !queue.empty() && now < queue.front().first) {
         queue.push_back({now, i});
@@ -244,7 +246,9 @@ class SceneSolver {
       part.stands_on = item.support_item < 0 ? -1 : items_[std::size_t(item.support_item)].part;
       const WorldSolid solid = PlaceSolid(part.object, false);
       part.views = ViewsThatSee(solid, views_, int(views_.size()));
-      const Evidence evidence = Weigh(solid, part.views, scene_, {.keep_matches = true}, &everything);
+      const Evidence evidence =
+          Weigh(solid, part.views, scene_,
+                {.keep_matches = true, .num_dimensions = int(part.object.dimensions_mm.size())}, &everything);
       part.matches = evidence.matches;
       part.log_odds = evidence.log_odds;
       for (const auto& other : items_) {

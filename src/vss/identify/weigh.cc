@@ -17,6 +17,8 @@ using Eigen::Vector3d;
 // A contour that is there is found this often: an outline or convex edge, and one inside (concave).
 constexpr double kDetectStrong = 0.8;
 constexpr double kDetectWeak = 0.45;
+// Where a part touches its support both sides lie in the contact shadow.
+constexpr double kDetectContact = 0.35;
 // Least chance of a line where nothing is, whatever the density says.
 constexpr double kMinChance = 0.04;
 // Samples closer than this along a contour stand or fall together: one line covers them.
@@ -24,6 +26,11 @@ constexpr double kIndependentPx = 25;
 constexpr double kMaxIndependent = 4;
 // Directions of a predicted contour and its line may differ by this.
 constexpr double kMinCosine = 0.9962;  // 5 degrees
+// Two contours nearer than this in the picture may come out as one line.
+constexpr double kResolvePx = 2.5;
+// A dimension more must pay for itself: the logarithm of how many resolvable values its range holds, halved
+// (BIC).
+constexpr double kLogOddsPerDimension = 2.5;
 
 int Bin(const Vector2d& tangent) {
   double a = std::atan2(tangent.y(), tangent.x());
@@ -40,9 +47,16 @@ Eigen::Matrix<double, 2, 3> IdealByWorld(const View& view, const Vector3d& point
   return j * view.cam_from_world.rotation;
 }
 
-bool IsStrong(const WorldSolid& solid, const ContourSample& s) {
-  if (s.source != ContourSample::Source::kEdge) return true;
-  return solid.edges[static_cast<std::size_t>(s.index)].convex;
+// How often a contour that is there is found.
+double DetectOf(const WorldSolid& solid, ContourSample::Source source, int index, double lowest_z) {
+  constexpr double kContactMm = 1;
+  if (source == ContourSample::Source::kLimb) return kDetectStrong;
+  if (source == ContourSample::Source::kCircle)
+    return solid.circles[static_cast<std::size_t>(index)].center.point.z() < lowest_z + kContactMm ? kDetectContact : kDetectStrong;
+  const auto& e = solid.edges[static_cast<std::size_t>(index)];
+  if (std::max(solid.vertices[static_cast<std::size_t>(e.start)].point.z(), solid.vertices[static_cast<std::size_t>(e.end)].point.z()) < lowest_z + kContactMm)
+    return kDetectContact;
+  return e.convex ? kDetectStrong : kDetectWeak;
 }
 double WeightOf(const WorldSolid& solid, const ContourSample& s) {
   if (s.source == ContourSample::Source::kEdge) return solid.edges[static_cast<std::size_t>(s.index)].weight;
@@ -107,86 +121,182 @@ std::vector<int> ViewsThatSee(const WorldSolid& solid, std::span<const View> vie
   return out;
 }
 
-Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
-               const WeighOptions& options, const Occluders* others, const Claims* claims) {
-  struct Tally {
-    int visible = 0, supported = 0, free_visible = 0;  // free_visible: not explained by another part
-    double px = 0, chance = 0;
-    bool strong = true;
-    double weight = 1;
+namespace {
+
+// Contours in one numbering: edges, then circles, then cylinders (limbs).
+struct Numbering {
+  int edges, circles, total;
+  explicit Numbering(const WorldSolid& s)
+      : edges(int(s.edges.size())),
+        circles(int(s.circles.size())),
+        total(edges + circles + int(s.faces.size())) {}
+  int Of(const ContourSample& c) const {
+    return c.index + (c.source == ContourSample::Source::kEdge     ? 0
+                      : c.source == ContourSample::Source::kCircle ? edges
+                                                                   : edges + circles);
+  }
+  ContourSample::Source SourceOf(int k) const {
+    return k < edges             ? ContourSample::Source::kEdge
+           : k < edges + circles ? ContourSample::Source::kCircle
+                                 : ContourSample::Source::kLimb;
+  }
+  int IndexOf(int k) const { return k < edges ? k : k < edges + circles ? k - edges : k - edges - circles; }
+};
+
+struct Hit {
+  int contour, line, sample;
+  double distance, along;
+};
+
+// A line that lies on two predicted contours speaks for the nearer one only. The other is marked: 1, neither
+// found nor missed (the two are too close to be told apart in the picture), or 2, missed.
+void Share(const std::vector<Hit>& hits, std::span<const ContourSample> samples, std::vector<int>& lost) {
+  struct Run {
+    int contour, line, count = 0;
+    double distance = 0, lo = 1e300, hi = -1e300;
   };
-  Evidence out;
-  std::map<std::pair<int, int>, std::vector<std::pair<double, double>>>
-      by_edge;  // (source, index) -> (log odds, view weight)
-  std::map<std::pair<int, int>, EdgeEvidence> edges;
-  for (int v : views) {
-    const View& view = scene.views[std::size_t(v)];
-    const auto samples = SampleContour(solid, view, options.spacing_px, options.min_samples, others);
-    std::map<std::pair<int, int>, Tally> tallies;
-    std::map<std::array<int, 3>, std::pair<int, double>> lines;
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-      const auto& s = samples[i];
-      if (!s.visible) continue;
-      const double weight = WeightOf(solid, s);
-      if (weight <= 0) continue;
-      auto& t = tallies[{int(s.source), s.index}];
-      t.strong = IsStrong(solid, s);
-      t.weight = weight;
-      const LineHit hit =
-          scene.lines[std::size_t(v)].Nearest(s.ideal, s.ideal_tangent, scene.tolerance_px, kMinCosine);
-      ++t.visible;
-      t.px += i > 0 && samples[i - 1].source == s.source && samples[i - 1].index == s.index
-                  ? std::min(40.0, (s.ideal - samples[i - 1].ideal).norm())
-                  : options.spacing_px / 2;
-      t.chance += scene.ChanceHit(v, s.ideal_tangent);
-      const bool is_claimed = hit.line >= 0 && claims && (*claims)[std::size_t(v)][std::size_t(hit.line)];
-      if (is_claimed) continue;
-      ++t.free_visible;
-      if (hit.line < 0) continue;
-      ++t.supported;
-      if (options.keep_matches) {
-        auto& l = lines[{hit.line, s.index, int(s.source)}];
-        ++l.first;
-        l.second += std::abs(hit.distance_px);
+  std::vector<Run> runs;
+  for (const Hit& h : hits) {
+    auto it = std::find_if(runs.begin(), runs.end(),
+                           [&](const Run& r) { return r.contour == h.contour && r.line == h.line; });
+    if (it == runs.end()) it = runs.insert(runs.end(), {h.contour, h.line});
+    ++it->count;
+    it->distance += h.distance;
+    it->lo = std::min(it->lo, h.along);
+    it->hi = std::max(it->hi, h.along);
+  }
+  for (std::size_t i = 0; i < runs.size(); ++i)
+    for (std::size_t k = 0; k < runs.size(); ++k) {
+      if (i == k || runs[i].line != runs[k].line) continue;
+      const double mine = runs[i].distance / runs[i].count, other = runs[k].distance / runs[k].count;
+      if (mine < other || (mine == other && i < k)) continue;
+      if (std::min(runs[i].hi, runs[k].hi) - std::max(runs[i].lo, runs[k].lo) <
+          0.3 * (runs[i].hi - runs[i].lo))
+        continue;
+      for (const Hit& h : hits) {
+        if (h.contour != runs[i].contour || h.line != runs[i].line) continue;
+        double nearest = 1e300;
+        for (const Hit& o : hits)
+          if (o.contour == runs[k].contour && o.line == h.line)
+            nearest = std::min(
+                nearest,
+                std::abs((samples[std::size_t(o.sample)].ideal - samples[std::size_t(h.sample)].ideal)
+                             .dot(Vector2d(-samples[std::size_t(h.sample)].ideal_tangent.y(),
+                                           samples[std::size_t(h.sample)].ideal_tangent.x()))));
+        lost[std::size_t(h.sample)] = std::max(lost[std::size_t(h.sample)], nearest < kResolvePx ? 1 : 2);
       }
     }
-    if (!tallies.empty()) ++out.views;
-    for (const auto& [key, t] : tallies) {
-      auto& e = edges[key];
-      e.source = ContourSample::Source(key.first);
-      e.index = key.second;
-      e.visible_px += t.px;
-      out.visible_px += t.px;
+}
+
+}  // namespace
+
+Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
+               const WeighOptions& options, const Occluders* others, const Claims* claims) {
+  const Numbering numbering(solid);
+  struct Tally {
+    int visible = 0, open = 0, supported = 0;  // open: neither another part's nor unresolvable
+    double px = 0, chance = 0;
+  };
+  struct Sum {
+    int votes = 0;
+    double log_odds = 0;
+  };
+  double lowest_z = INFINITY;
+  for (const auto& v : solid.vertices) lowest_z = std::min(lowest_z, v.point.z());
+  for (const auto& c : solid.circles) lowest_z = std::min(lowest_z, c.center.point.z());
+  Evidence out;
+  std::vector<EdgeEvidence> edges(std::size_t(numbering.total));
+  std::vector<Sum> sums(std::size_t(numbering.total));
+  std::vector<Tally> tallies;
+  std::vector<Hit> hits;
+  std::vector<int> lost;
+  for (int v : views) {
+    const auto samples =
+        SampleContour(solid, scene.views[std::size_t(v)], options.spacing_px, options.min_samples, others);
+    const auto& index = scene.lines[std::size_t(v)];
+    tallies.assign(std::size_t(numbering.total), {});
+    hits.clear();
+    lost.assign(samples.size(), 0);
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      const auto& s = samples[i];
+      if (!s.visible || WeightOf(solid, s) <= 0) continue;
+      const LineHit hit = index.Nearest(s.ideal, s.ideal_tangent, scene.tolerance_px, kMinCosine);
+      if (hit.line < 0) continue;
+      const auto& l = index.lines()[std::size_t(hit.line)];
+      hits.push_back({numbering.Of(s), hit.line, int(i), std::abs(hit.distance_px),
+                      (s.ideal - l.start).dot(l.direction)});
+    }
+    Share(hits, samples, lost);
+    std::size_t next_hit = 0;
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      const auto& s = samples[i];
+      const bool is_hit = next_hit < hits.size() && hits[next_hit].sample == int(i);
+      const int line = is_hit ? hits[next_hit++].line : -1;
+      if (!s.visible || WeightOf(solid, s) <= 0) continue;
+      auto& t = tallies[std::size_t(numbering.Of(s))];
+      ++t.visible;
+      const bool follows = i > 0 && samples[i - 1].source == s.source && samples[i - 1].index == s.index;
+      t.px += follows ? std::min(4 * options.spacing_px, (s.ideal - samples[i - 1].ideal).norm())
+                      : options.spacing_px / 2;
+      t.chance += scene.ChanceHit(v, s.ideal_tangent);
+      if (line >= 0 && claims && (*claims)[std::size_t(v)][std::size_t(line)]) continue;
+      if (lost[i] == 1) continue;
+      ++t.open;
+      if (line >= 0 && lost[i] == 0) ++t.supported;
+    }
+    bool seen = false;
+    for (int k = 0; k < numbering.total; ++k) {
+      const Tally& t = tallies[std::size_t(k)];
+      if (t.visible == 0) continue;
+      seen = true;
+      auto& e = edges[std::size_t(k)];
       ++e.views;
-      if (t.free_visible == 0) continue;
-      const double share = double(t.supported) / t.free_visible;
-      const double px = t.px * t.free_visible / t.visible;
+      e.visible_px += t.px;
+      if (t.open == 0) continue;
+      const double share = double(t.supported) / t.open, px = t.px * t.open / t.visible;
       e.supported_px += share * px;
-      out.supported_px += share * px;
+      ContourSample probe;
+      probe.source = numbering.SourceOf(k);
+      probe.index = numbering.IndexOf(k);
       const double chance = t.chance / t.visible;
-      const double detect = std::max(t.strong ? kDetectStrong : kDetectWeak, chance + 0.05);
+      const double detect = std::max(DetectOf(solid, probe.source, probe.index, lowest_z), chance + 0.05);
       const double independent = std::min(kMaxIndependent, px / kIndependentPx);
-      by_edge[key].push_back(
-          {t.weight * independent *
-               (share * std::log(detect / chance) + (1 - share) * std::log((1 - detect) / (1 - chance))),
-           1.0});
+      sums[std::size_t(k)].log_odds +=
+          WeightOf(solid, probe) * independent *
+          (share * std::log(detect / chance) + (1 - share) * std::log((1 - detect) / (1 - chance)));
+      ++sums[std::size_t(k)].votes;
+    }
+    if (seen) ++out.views;
+    if (!options.keep_matches) continue;
+    std::map<std::pair<int, int>, std::pair<int, double>> lines;
+    for (const Hit& h : hits) {
+      if (lost[std::size_t(h.sample)] != 0) continue;
+      auto& l = lines[{h.line, h.contour}];
+      ++l.first;
+      l.second += h.distance;
     }
     for (const auto& [key, l] : lines) {
-      if (l.first < 2 || key[2] == int(ContourSample::Source::kLimb)) continue;
-      const int arc = scene.lines[std::size_t(v)].lines()[std::size_t(key[0])].arc;
-      out.matches.push_back({v, arc < 0 ? key[0] : arc, key[1], arc >= 0, l.second / l.first});
+      if (l.first < 2 || numbering.SourceOf(key.second) == ContourSample::Source::kLimb) continue;
+      const int arc = index.lines()[std::size_t(key.first)].arc;
+      out.matches.push_back({v, arc < 0 ? key.first : arc, numbering.IndexOf(key.second),
+                             numbering.SourceOf(key.second) == ContourSample::Source::kCircle,
+                             l.second / l.first});
     }
   }
-  for (auto& [key, e] : edges) {
-    const auto& votes = by_edge[key];
-    double sum = 0;
-    for (const auto& [llr, w] : votes) sum += llr;
-    // Pictures of one edge fail together (its contrast is what it is): n pictures count as sqrt(n), twice at
-    // least.
-    if (!votes.empty()) e.log_odds = sum / std::sqrt(double(votes.size()));
+  for (int k = 0; k < numbering.total; ++k) {
+    EdgeEvidence& e = edges[std::size_t(k)];
+    if (e.views == 0) continue;
+    e.source = numbering.SourceOf(k);
+    e.index = numbering.IndexOf(k);
+    // Pictures of one edge fail together (its contrast is what it is): n pictures count as sqrt(n).
+    const Sum& sum = sums[std::size_t(k)];
+    if (sum.votes > 0) e.log_odds = sum.log_odds / std::sqrt(double(e.views));
     out.log_odds += e.log_odds;
+    out.visible_px += e.visible_px;
+    out.supported_px += e.supported_px;
     out.edges.push_back(e);
   }
+  out.log_odds -= kLogOddsPerDimension * options.num_dimensions;
   return out;
 }
 

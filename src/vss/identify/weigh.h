@@ -46,7 +46,7 @@ struct WeighOptions {
   double spacing_px = 6;
   int min_samples = 3;
   bool keep_matches = false;
-  int max_views = 1 << 20;
+  int num_dimensions = 0;  // of the object: each must pay for itself
 };
 
 // The views that see the object, those that show it largest first, at most `most`.
