@@ -45,6 +45,14 @@ struct Sampler {
       front[i] = f.is_cylinder || f.triangles.empty() ||
                  f.normal_in_part.dot(view.center_in_world - f.triangles[0][0]) > 0;
     }
+    // A convex solid hides its own contour only by faces turned away; any other by faces turned to the
+    // camera, which a ray from there meets first.
+    const bool convex = solid.circles.empty() && std::all_of(solid.edges.begin(), solid.edges.end(),
+                                                             [](const SolidEdge& e) { return e.convex; });
+    if (convex) return;
+    for (const auto& f : solid.faces)
+      for (const auto& t : f.triangles)
+        if ((t[1] - t[0]).cross(t[2] - t[0]).dot(view.center_in_world - t[0]) > 0) self.push_back(&t);
   }
 
   bool FaceFront(int face, const Vector3d& at) const {

@@ -20,7 +20,7 @@ constexpr double kMaxSkew = 0.035;
 constexpr double kEndTolerancePx = 4;
 // How far (in pixels) the edges of a seed may miss its world lines.
 constexpr double kSeedTolerancePx = 1.5;
-constexpr int kMaxPeaks = 5;
+constexpr int kMaxPeaks = 7;
 
 Vector3d EdgeDirection(const WorldSolid& s, const SolidEdge& e) {
   return s.vertices[std::size_t(e.end)].point - s.vertices[std::size_t(e.start)].point;
@@ -120,13 +120,26 @@ class Seeder {
     usual_solid_ = PlaceSolid(usual_);
   }
 
-  std::vector<Hypothesis> Run(double min_log_odds) {
+  std::vector<Hypothesis> Seeds() {
     FromPairs();
     FromRims();
+    return std::move(seeds_);
+  }
+
+  // The best completions of a seed.
+  std::vector<Hypothesis> Finish(Hypothesis h, double min_log_odds) const {
+    constexpr double kHopeless =
+        -10;  // with every open dimension as usual: the seed's own edges are not there
+    h.views = ViewsThatSee(PlaceSolid(h.object, false), context_.scene.views, context_.max_views);
+    if (h.views.empty()) return {};
+    if (!kind_.rims.empty() && !kind_.pairs.empty()) CompleteRims(h, h.views);
+    if (Score(h.object, h.views) < kHopeless) return {};
     std::vector<Hypothesis> out;
-    for (auto& seed : seeds_) {
-      if (!Finish(seed, min_log_odds)) continue;
-      out.push_back(seed);
+    for (const PlacedObject& object : CompleteDimensions(h)) {
+      Hypothesis candidate = h;
+      candidate.object = object;
+      if (RefineAndWeigh(candidate, context_) && candidate.log_odds >= min_log_odds)
+        out.push_back(std::move(candidate));
     }
     return out;
   }
@@ -292,7 +305,7 @@ class Seeder {
 
   double Score(const PlacedObject& o, const std::vector<int>& views) const {
     return Weigh(PlaceSolid(o, false), views, context_.scene,
-                 {.spacing_px = 10, .num_dimensions = int(o.dimensions_mm.size())})
+                 {.spacing_px = 10, .prior_log_odds = PriorLogOdds(o, context_.mm_per_px)})
         .log_odds;
   }
 
@@ -400,27 +413,33 @@ class Seeder {
       }
   }
 
-  bool Finish(Hypothesis& h, double min_log_odds) const {
-    h.views = ViewsThatSee(PlaceSolid(h.object, false), context_.scene.views, context_.max_views);
-    if (h.views.empty()) return false;
-    if (!kind_.rims.empty() && !kind_.pairs.empty()) CompleteRims(h, h.views);
-    for (int pass = 0; pass < 2; ++pass)
+  // Dimensions that the seed left open, one after the other, the best few combinations kept (beam search).
+  std::vector<PlacedObject> CompleteDimensions(const Hypothesis& h) const {
+    constexpr std::size_t kBeam = 4, kRefined = 2;
+    constexpr int kPasses = 2;  // the second sees the later dimensions where they belong
+    std::vector<std::pair<double, PlacedObject>> beam{{Score(h.object, h.views), h.object}};
+    for (int pass = 0; pass < kPasses; ++pass)
       for (std::size_t d = 0; d < h.determined.size(); ++d) {
         if (h.determined[d]) continue;
-        double best = Score(h.object, h.views), value = h.object.dimensions_mm[d];
-        for (double candidate : Vote(h.object, d, h.views)) {
-          PlacedObject o = h.object;
-          o.dimensions_mm[d] = candidate;
-          if (!Allowed(o)) continue;
-          const double score = Score(o, h.views);
-          if (score <= best) continue;
-          best = score;
-          value = candidate;
-        }
-        h.object.dimensions_mm[d] = value;
+        auto next = beam;
+        for (const auto& [score, object] : beam)
+          for (double candidate : Vote(object, d, h.views)) {
+            PlacedObject o = object;
+            o.dimensions_mm[d] = candidate;
+            const bool known = std::any_of(next.begin(), next.end(), [&](const auto& n) {
+              return (n.second.State() - o.State()).cwiseAbs().maxCoeff() < 0.3 * context_.mm_per_px;
+            });
+            if (!known && Allowed(o)) next.push_back({Score(o, h.views), o});
+          }
+        std::stable_sort(next.begin(), next.end(),
+                         [](const auto& a, const auto& b) { return a.first > b.first; });
+        if (next.size() > kBeam) next.resize(kBeam);
+        beam = std::move(next);
       }
-    if (Score(h.object, h.views) < 0.3 * min_log_odds) return false;
-    return RefineAndWeigh(h, context_) && h.log_odds >= min_log_odds;
+    std::vector<PlacedObject> best;
+    for (const auto& b : beam)
+      if (best.size() < kRefined) best.push_back(b.second);
+    return best;
   }
 
   const KindTemplate& kind_;
@@ -484,9 +503,13 @@ std::vector<KindTemplate> MakeTemplates(const KnowledgeBase& knowledge) {
   return out;
 }
 
-std::vector<Hypothesis> Hypothesise(const KindTemplate& kind, const SeedContext& context, double support_z_mm,
-                                    double min_log_odds) {
-  return Seeder(kind, context, support_z_mm).Run(min_log_odds);
+std::vector<Hypothesis> Seeds(const KindTemplate& kind, const SeedContext& context, double support_z_mm) {
+  return Seeder(kind, context, support_z_mm).Seeds();
+}
+
+std::vector<Hypothesis> Complete(const KindTemplate& kind, const SeedContext& context, const Hypothesis& seed,
+                                 double min_log_odds) {
+  return Seeder(kind, context, seed.object.placement[2]).Finish(seed, min_log_odds);
 }
 
 bool RefineAndWeigh(Hypothesis& h, const SeedContext& context, const Occluders* others,
@@ -501,8 +524,8 @@ bool RefineAndWeigh(Hypothesis& h, const SeedContext& context, const Occluders* 
     h.object = before;
   const WorldSolid solid = PlaceSolid(h.object, false);
   h.views = ViewsThatSee(solid, context.scene.views, context.max_views);
-  h.log_odds = Weigh(solid, h.views, context.scene, {.num_dimensions = int(h.object.dimensions_mm.size())},
-                     others, claims)
+  h.log_odds = Weigh(solid, h.views, context.scene,
+                     {.prior_log_odds = PriorLogOdds(h.object, context.mm_per_px)}, others, claims)
                    .log_odds;
   return true;
 }

@@ -45,10 +45,13 @@ struct SeedContext {
   int max_views = 12;    // per weighing
 };
 
-// All hypotheses of one template on a support at height `support_z_mm`, refined and weighed, those above
-// `min_log_odds`.
-std::vector<Hypothesis> Hypothesise(const KindTemplate& kind, const SeedContext& context, double support_z_mm,
-                                    double min_log_odds);
+// Seeds of one template on a support at height `support_z_mm`: placed, with the dimensions that the seed
+// tells.
+std::vector<Hypothesis> Seeds(const KindTemplate& kind, const SeedContext& context, double support_z_mm);
+
+// Completes the open dimensions of a seed, refines and weighs: the best few, those above `min_log_odds`.
+std::vector<Hypothesis> Complete(const KindTemplate& kind, const SeedContext& context, const Hypothesis& seed,
+                                 double min_log_odds);
 
 // Fits `object` to the lines (z and tilt held), weighs it. False where the fit runs away.
 bool RefineAndWeigh(Hypothesis& hypothesis, const SeedContext& context, const Occluders* others = nullptr,

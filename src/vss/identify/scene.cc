@@ -1,6 +1,7 @@
 #include "vss/identify/scene.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <optional>
 
@@ -27,19 +28,6 @@ double TolerancePx(std::span<const View> views, const IdentifyOptions& options) 
   return kBaseTolerancePx + kToleranceShare * width;
 }
 
-// Median distance of the lines from their cameras, if they lay on the ground, times the size of a pixel.
-double TypicalMmPerPx(std::span<const View> views) {
-  std::vector<double> sizes;
-  for (const auto& v : views) {
-    const Vector3d ray = v.RayOfIdeal({v.camera->width_px / 2.0, v.camera->height_px / 2.0});
-    if (ray.z() > -0.05) continue;
-    sizes.push_back(v.center_in_world.z() / -ray.z() / v.camera->intrinsics.fx_px);
-  }
-  if (sizes.empty()) return 1;
-  std::nth_element(sizes.begin(), sizes.begin() + std::ptrdiff_t(sizes.size() / 2), sizes.end());
-  return std::max(1e-3, sizes[sizes.size() / 2]);
-}
-
 struct Item {
   Hypothesis h;
   Volume volume;
@@ -60,7 +48,7 @@ class SceneSolver {
         progress_(progress),
         templates_(MakeTemplates(knowledge)) {
     scene_ = MakeSceneIndex(views, TolerancePx(views, options), threads);
-    mm_per_px_ = TypicalMmPerPx(views);
+    mm_per_px_ = scene_.mm_per_px;
   }
 
   Result<SceneResult> Run() {
@@ -76,7 +64,20 @@ class SceneSolver {
     StackOnTops();
     if (progress_.Cancelled()) return Cancelled();
     Select();
-    if (getenv("VSS_DEBUG")) for (auto& it : items_) { fprintf(stderr, "item %s rest%d on %d lo %.1f xyz %.0f %.0f %.0f yaw %.1f dims", it.kind.c_str(), it.h.object.resting_pose, it.support_item, it.h.log_odds, it.h.object.placement[0], it.h.object.placement[1], it.h.object.placement[2], it.h.object.placement[3]*57.3); for (double d : it.h.object.dimensions_mm) fprintf(stderr, " %.1f", d); fprintf(stderr, "%s\n", it.accepted ? " ACCEPTED" : ""); auto s = PlaceSolid(it.h.object, false); auto e = Weigh(s, it.h.views, scene_, {}); if (getenv("VSS_EDGES")) for (auto& k : e.edges) fprintf(stderr, "     src%d idx%d views%d vis %.0f sup %.0f lo %.1f\n", (int)k.source, k.index, k.views, k.visible_px, k.supported_px, k.log_odds); }
+    if (getenv("VSS_DEBUG"))
+      for (auto& it : items_) {
+        fprintf(stderr, "item %s rest%d on %d lo %.1f xyz %.0f %.0f %.0f yaw %.1f dims", it.kind.c_str(),
+                it.h.object.resting_pose, it.support_item, it.h.log_odds, it.h.object.placement[0],
+                it.h.object.placement[1], it.h.object.placement[2], it.h.object.placement[3] * 57.3);
+        for (double d : it.h.object.dimensions_mm) fprintf(stderr, " %.1f", d);
+        fprintf(stderr, "%s\n", it.accepted ? " ACCEPTED" : "");
+        auto s = PlaceSolid(it.h.object, false);
+        auto e = Weigh(s, it.h.views, scene_, {});
+        if (getenv("VSS_EDGES"))
+          for (auto& k : e.edges)
+            fprintf(stderr, "     src%d idx%d views%d vis %.0f sup %.0f lo %.1f\n", (int)k.source, k.index,
+                    k.views, k.visible_px, k.supported_px, k.log_odds);
+      }
     return Collect();
   }
 
@@ -91,17 +92,22 @@ class SceneSolver {
     for (const auto& l : lines_)
       if (support < 0 || Above(l, items_[std::size_t(support)])) lines.push_back(l);
     if (support >= 0 && lines.size() < 2) return;
-    std::vector<std::vector<Hypothesis>> found(templates_.size());
-    int done = 0;
     SeedContext context = Context();
     context.lines = lines;
-    ParallelFor(templates_.size(), threads_, [&](std::size_t i) {
-      if (progress_.Cancelled() || !templates_[i].model->MayStandOn(on)) return;
-      found[i] = Hypothesise(templates_[i], context, z, options_.accept_log_odds);
+    std::vector<std::pair<std::size_t, Hypothesis>> seeds;  // template, seed
+    for (std::size_t i = 0; i < templates_.size(); ++i) {
+      if (!templates_[i].model->MayStandOn(on)) continue;
+      for (auto& h : Seeds(templates_[i], context, z)) seeds.push_back({i, std::move(h)});
+    }
+    std::vector<std::vector<Hypothesis>> finished(seeds.size());
+    std::atomic<int> done{0};
+    ParallelFor(seeds.size(), threads_, [&](std::size_t i) {
+      if (progress_.Cancelled()) return;
+      finished[i] = Complete(templates_[seeds[i].first], context, seeds[i].second, options_.accept_log_odds);
+      progress_.Report("hypotheses", ++done, int(seeds.size()));
     });
-    progress_.Report("hypotheses", ++done, 1);
-    for (std::size_t i = 0; i < templates_.size(); ++i)
-      for (auto& h : found[i]) Keep(std::move(h), support);
+    for (auto& list : finished)
+      for (auto& h : list) Keep(std::move(h), support);
   }
 
   // A line over the top face of an item (within a few pixels), not below it.
@@ -197,11 +203,19 @@ class SceneSolver {
       for (int k : chain)
         for (int a : accepted) blocked |= Conflicts(items_[std::size_t(k)], items_[std::size_t(a)]);
       if (blocked) continue;
+      // What is left for it when the other parts, and what it stands on, have explained their lines.
       Occluders others;
       for (int a : accepted) others.Add(PlaceSolid(items_[std::size_t(a)].h.object, false), a);
-      const double now = Weigh(PlaceSolid(item.h.object, false), item.h.views, scene_,
-                               {.num_dimensions = int(item.h.object.dimensions_mm.size())}, &others, &claims)
-                             .log_odds;
+      Claims after = claims;
+      for (int k : chain) {
+        if (k == i) continue;
+        others.Add(PlaceSolid(items_[std::size_t(k)].h.object, false), k);
+        Claim(items_[std::size_t(k)], after);
+      }
+      const double now =
+          Weigh(PlaceSolid(item.h.object, false), item.h.views, scene_,
+                {.prior_log_odds = PriorLogOdds(item.h.object, scene_.mm_per_px)}, &others, &after)
+              .log_odds;
       if (now < options_.accept_log_odds) continue;
       if (now < old_score - 1e-9 && !queue.empty() && now < queue.front().first) {
         queue.push_back({now, i});
@@ -246,9 +260,9 @@ class SceneSolver {
       part.stands_on = item.support_item < 0 ? -1 : items_[std::size_t(item.support_item)].part;
       const WorldSolid solid = PlaceSolid(part.object, false);
       part.views = ViewsThatSee(solid, views_, int(views_.size()));
-      const Evidence evidence =
-          Weigh(solid, part.views, scene_,
-                {.keep_matches = true, .num_dimensions = int(part.object.dimensions_mm.size())}, &everything);
+      const Evidence evidence = Weigh(
+          solid, part.views, scene_,
+          {.keep_matches = true, .prior_log_odds = PriorLogOdds(part.object, scene_.mm_per_px)}, &everything);
       part.matches = evidence.matches;
       part.log_odds = evidence.log_odds;
       for (const auto& other : items_) {

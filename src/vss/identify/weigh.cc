@@ -28,9 +28,6 @@ constexpr double kMaxIndependent = 4;
 constexpr double kMinCosine = 0.9962;  // 5 degrees
 // Two contours nearer than this in the picture may come out as one line.
 constexpr double kResolvePx = 2.5;
-// A dimension more must pay for itself: the logarithm of how many resolvable values its range holds, halved
-// (BIC).
-constexpr double kLogOddsPerDimension = 2.5;
 
 int Bin(const Vector2d& tangent) {
   double a = std::atan2(tangent.y(), tangent.x());
@@ -52,9 +49,12 @@ double DetectOf(const WorldSolid& solid, ContourSample::Source source, int index
   constexpr double kContactMm = 1;
   if (source == ContourSample::Source::kLimb) return kDetectStrong;
   if (source == ContourSample::Source::kCircle)
-    return solid.circles[static_cast<std::size_t>(index)].center.point.z() < lowest_z + kContactMm ? kDetectContact : kDetectStrong;
+    return solid.circles[static_cast<std::size_t>(index)].center.point.z() < lowest_z + kContactMm
+               ? kDetectContact
+               : kDetectStrong;
   const auto& e = solid.edges[static_cast<std::size_t>(index)];
-  if (std::max(solid.vertices[static_cast<std::size_t>(e.start)].point.z(), solid.vertices[static_cast<std::size_t>(e.end)].point.z()) < lowest_z + kContactMm)
+  if (std::max(solid.vertices[static_cast<std::size_t>(e.start)].point.z(),
+               solid.vertices[static_cast<std::size_t>(e.end)].point.z()) < lowest_z + kContactMm)
     return kDetectContact;
   return e.convex ? kDetectStrong : kDetectWeak;
 }
@@ -78,6 +78,7 @@ SceneIndex MakeSceneIndex(std::span<const View> views, double tolerance_px, int 
   SceneIndex scene;
   scene.views = views;
   scene.tolerance_px = tolerance_px;
+  scene.mm_per_px = TypicalMmPerPx(views);
   scene.lines.resize(views.size());
   scene.density.resize(views.size());
   ParallelFor(views.size(), threads, [&](std::size_t i) {
@@ -89,6 +90,18 @@ SceneIndex MakeSceneIndex(std::span<const View> views, double tolerance_px, int 
       bins[static_cast<std::size_t>(Bin(l.direction))] += l.length_px / area;
   });
   return scene;
+}
+
+double TypicalMmPerPx(std::span<const View> views) {
+  std::vector<double> sizes;
+  for (const auto& v : views) {
+    const Vector3d ray = v.RayOfIdeal({v.camera->width_px / 2.0, v.camera->height_px / 2.0});
+    if (ray.z() > -0.05) continue;
+    sizes.push_back(v.center_in_world.z() / -ray.z() / v.camera->intrinsics.fx_px);
+  }
+  if (sizes.empty()) return 1;
+  std::nth_element(sizes.begin(), sizes.begin() + std::ptrdiff_t(sizes.size() / 2), sizes.end());
+  return std::max(1e-3, sizes[sizes.size() / 2]);
 }
 
 std::vector<int> ViewsThatSee(const WorldSolid& solid, std::span<const View> views, int most) {
@@ -189,6 +202,16 @@ void Share(const std::vector<Hit>& hits, std::span<const ContourSample> samples,
 }
 
 }  // namespace
+
+double PriorLogOdds(const PlacedObject& object, double mm_per_px) {
+  constexpr double kPerDimension = 4;     // half the logarithm of some 3000 px of contour (BIC)
+  constexpr double kUnseenDimension = 5;  // smaller than a pixel: the pictures cannot show it
+  constexpr double kOtherPose = 6;        // parts mostly lie as their knowledge base says first
+  double prior = object.resting_pose > 0 ? -kOtherPose : 0;
+  for (double d : object.dimensions_mm)
+    prior -= kPerDimension + (std::abs(d) < mm_per_px ? kUnseenDimension : 0);
+  return prior;
+}
 
 Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
                const WeighOptions& options, const Occluders* others, const Claims* claims) {
@@ -296,7 +319,7 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
     out.supported_px += e.supported_px;
     out.edges.push_back(e);
   }
-  out.log_odds -= kLogOddsPerDimension * options.num_dimensions;
+  out.log_odds += options.prior_log_odds;
   return out;
 }
 

@@ -17,11 +17,14 @@ struct SceneIndex {
   std::vector<std::vector<double>>
       density;  // per view and direction bin: chance that some line lies within 1 px of a point, per px
   double tolerance_px = 1.5;
+  double mm_per_px = 1;  // typical size of a pixel in the scene
 
   static constexpr int kDirectionBins = 18;
   double ChanceHit(int view, const Eigen::Vector2d& tangent) const;
 };
 SceneIndex MakeSceneIndex(std::span<const View> views, double tolerance_px, int threads);
+// Median over the pictures of a pixel's size where the optical axis meets the ground.
+double TypicalMmPerPx(std::span<const View> views);
 
 // Which lines accepted parts have explained already: claimed[view][line].
 using Claims = std::vector<std::vector<bool>>;
@@ -46,11 +49,15 @@ struct WeighOptions {
   double spacing_px = 6;
   int min_samples = 3;
   bool keep_matches = false;
-  int num_dimensions = 0;  // of the object: each must pay for itself
+  double prior_log_odds = 0;
 };
 
 // The views that see the object, those that show it largest first, at most `most`.
 std::vector<int> ViewsThatSee(const WorldSolid& solid, std::span<const View> views, int most);
+
+// What an object must overcome before any line is looked at: every dimension pays for itself, more so one too
+// small to be seen in the pictures, and a resting pose that is not the first.
+double PriorLogOdds(const PlacedObject& object, double mm_per_px);
 
 Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
                const WeighOptions& options, const Occluders* others = nullptr,
