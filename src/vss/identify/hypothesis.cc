@@ -516,17 +516,21 @@ bool RefineAndWeigh(Hypothesis& h, const SeedContext& context, const Occluders* 
                     const Claims* claims) {
   std::vector<bool> free(std::size_t(h.object.StateSize()), true);
   free[2] = free[4] = free[5] = false;
-  const PlacedObject before = h.object;
+  auto weigh = [&](const PlacedObject& object) {
+    const WeighOptions options{.prior_log_odds = PriorLogOdds(object, context.mm_per_px)};
+    return Weigh(PlaceSolid(object, false), h.views, context.scene, options, others, claims).log_odds;
+  };
   const double tolerance = context.scene.tolerance_px;
-  FitToLines(h.object, h.views, context.scene, free, 3 * tolerance, tolerance, 6, others);
-  if (!Allowed(h.object) ||
-      (h.object.placement.head<2>() - before.placement.head<2>()).norm() > 30 * context.mm_per_px)
-    h.object = before;
-  const WorldSolid solid = PlaceSolid(h.object, false);
-  h.views = ViewsThatSee(solid, context.scene.views, context.max_views);
-  h.log_odds = Weigh(solid, h.views, context.scene,
-                     {.prior_log_odds = PriorLogOdds(h.object, context.mm_per_px)}, others, claims)
-                   .log_odds;
+  PlacedObject fitted = h.object;
+  FitToLines(fitted, h.views, context.scene, free, 2 * tolerance, tolerance, 6, others);
+  const bool stayed =
+      (fitted.placement.head<2>() - h.object.placement.head<2>()).norm() < 30 * context.mm_per_px;
+  h.log_odds = weigh(h.object);
+  if (!stayed || !Allowed(fitted)) return true;
+  const double after = weigh(fitted);
+  if (after < h.log_odds) return true;
+  h.log_odds = after;
+  h.object = fitted;
   return true;
 }
 

@@ -335,22 +335,42 @@ FitToLinesResult FitToLines(PlacedObject& object, std::span<const int> views, co
     const WorldSolid solid = PlaceSolid(object);
     Eigen::MatrixXd ata = Eigen::MatrixXd::Zero(n, n);
     Eigen::VectorXd atb = Eigen::VectorXd::Zero(n);
+    const Numbering numbering(solid);
+    std::vector<Hit> hits;
+    std::vector<double> signed_distance;
+    std::vector<int> lost;
     double sum = 0;
     int count = 0;
     for (int v : views) {
       const View& view = scene.views[std::size_t(v)];
-      for (const auto& s : SampleContour(solid, view, 8, 3, others)) {
+      const auto samples = SampleContour(solid, view, 8, 3, others);
+      const auto& index = scene.lines[std::size_t(v)];
+      hits.clear();
+      signed_distance.clear();
+      for (std::size_t i = 0; i < samples.size(); ++i) {
+        const auto& s = samples[i];
         if (!s.visible) continue;
-        const LineHit hit = scene.lines[std::size_t(v)].Nearest(s.ideal, s.ideal_tangent, reach, 0.99);
+        const LineHit hit = index.Nearest(s.ideal, s.ideal_tangent, reach, 0.99);
         if (hit.line < 0) continue;
+        const auto& l = index.lines()[std::size_t(hit.line)];
+        hits.push_back({numbering.Of(s), hit.line, int(i), std::abs(hit.distance_px),
+                        (s.ideal - l.start).dot(l.direction)});
+        signed_distance.push_back(hit.distance_px);
+      }
+      lost.assign(samples.size(), 0);
+      Share(hits, samples, lost);
+      for (std::size_t k = 0; k < hits.size(); ++k) {
+        if (lost[std::size_t(hits[k].sample)] != 0) continue;
+        const auto& s = samples[std::size_t(hits[k].sample)];
+        const double distance_px = signed_distance[k];
         const Vector2d normal(-s.ideal_tangent.y(), s.ideal_tangent.x());
         const Eigen::RowVectorXd j =
             (normal.transpose() * IdealByWorld(view, s.point_in_world)) * SampleByState(solid, s);
-        const double u = hit.distance_px / (0.5 * reach);
+        const double u = distance_px / (0.5 * reach);
         const double w = 1 / (1 + u * u);
         ata += w * j.transpose() * j;
-        atb += w * hit.distance_px * j.transpose();
-        sum += hit.distance_px * hit.distance_px;
+        atb += w * distance_px * j.transpose();
+        sum += distance_px * distance_px;
         ++count;
       }
     }
