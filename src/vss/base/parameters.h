@@ -52,13 +52,20 @@ Result<bool> SetParameter(std::span<const ParameterOf<Options>> rows, std::strin
   return false;
 }
 
+template <class Options>
+double ParameterValue(const ParameterOf<Options>& row, const Options& options) {
+  if (const auto m = std::get_if<double Options::*>(&row.member)) return options.**m;
+  if (const auto n = std::get_if<int Options::*>(&row.member)) return options.**n;
+  return options.*std::get<bool Options::*>(row.member) ? 1 : 0;
+}
+
 // The rows with the values of `options` beside the defaults.
 template <class Options>
 void ListParameters(std::span<const ParameterOf<Options>> rows, const Options& options, std::vector<ParameterInfo>& list) {
-  const Options defaults;
+  static const Options defaults{};
   for (const auto& row : rows) {
-    ParameterInfo info{std::string(row.name), "number", std::string(row.unit), std::string(row.help), row.min, row.max, 0, 0};
-    std::visit([&](auto m) { info.default_value = static_cast<double>(defaults.*m); info.value = static_cast<double>(options.*m); }, row.member);
+    ParameterInfo info{std::string(row.name), "number", std::string(row.unit), std::string(row.help), row.min, row.max,
+                       ParameterValue(row, defaults), ParameterValue(row, options)};
     if (std::holds_alternative<int Options::*>(row.member)) info.type = "integer";
     if (std::holds_alternative<bool Options::*>(row.member)) { info.type = "bool"; info.max = 1; }
     list.push_back(std::move(info));

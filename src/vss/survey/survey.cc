@@ -6,6 +6,7 @@
 
 #include "vss/base/toml_file.h"
 #include "vss/image/grey_image.h"
+#include "vss/survey/parameters.h"
 
 namespace vss {
 namespace fs = std::filesystem;
@@ -94,7 +95,11 @@ Status ReadParameters(const TomlValue& table, const std::string& prefix, std::ma
       VSS_RETURN_IF_ERROR(ReadParameters(value, prefix + key + ".", out));
       continue;
     }
-    VSS_ASSIGN(out[prefix + key], value.AsNumberOrBool());
+    VSS_ASSIGN(const double number, value.AsNumberOrBool());
+    SurveyOptions scratch;
+    if (const Status set = SetSurveyParameter(prefix + key, number, scratch); !set)
+      return InputError("{}: {}", value.Where(), set.error().message);
+    out[prefix + key] = number;
   }
   return {};
 }

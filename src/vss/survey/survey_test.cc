@@ -37,7 +37,7 @@ constexpr char kSurvey[] =
     "axes = [[0, 1, 0], [1, 0, 0], [0, 0, 1]]\n"       // 6
     "[parameters]\n"                                   // 7
     "\"lines.min_length_px\" = 20\n"                   // 8
-    "lines.dark = true\n"                              // 9
+    "seams.max_gap_mm = 2\n"                           // 9
     "[[image]]\n"                                      // 10
     "file = \"a.png\"\n"                               // 11
     "camera = \"cam1\"\n"                              // 12
@@ -75,8 +75,8 @@ TEST_F(SurveyFile, TellsPicturesTheirPlacesKnowledgeAndParameters) {
   ASSERT_TRUE(survey) << survey.error().message;
   EXPECT_EQ(survey->name, "two");
   EXPECT_THAT(survey->knowledge, ElementsAre("box", "my.kb"));
-  EXPECT_THAT(survey->parameters,
-              ElementsAre(testing::Pair("lines.dark", 1.0), testing::Pair("lines.min_length_px", 20.0)));
+  EXPECT_THAT(survey->parameters, ElementsAre(testing::Pair("lines.min_length_px", 20.0),
+                                              testing::Pair("seams.max_gap_mm", 2.0)));
   ASSERT_EQ(survey->images.size(), 2u);
   EXPECT_EQ(survey->images[1].file, "b.png");
   EXPECT_EQ(survey->cameras[std::size_t(survey->images[1].camera)].id, "hand");
@@ -172,6 +172,10 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"axes_nan", "[1, 0, 0]", "[nan, 0, 0]", "survey.toml:6", "not a finite number"},
         Mistake{"parameter_text", "= 20", "= \"20\"", "survey.toml:8", "must be a number, true or false"},
         Mistake{"parameter_inf", "= 20", "= inf", "survey.toml:8", "not a finite number"},
+        Mistake{"parameter_unknown", "lines.min_length_px", "lines.min_lenght_px", "survey.toml:8",
+                "did you mean lines.min_length_px?"},
+        Mistake{"parameter_out_of_range", "seams.max_gap_mm = 2", "seams.max_gap_mm = -2", "survey.toml:9",
+                "outside its range"},
         Mistake{"no_file", "file = \"a.png\"\n", "", "survey.toml:10", "`file` is missing in image[1]"},
         Mistake{"picture_missing", "a.png", "c.png", "survey.toml:11", "there is no such picture"},
         Mistake{"picture_is_text", "a.png", "text.png", "survey.toml:11", "not a picture"},

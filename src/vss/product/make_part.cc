@@ -1,0 +1,111 @@
+#include "vss/product/make_part.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace vss {
+namespace {
+
+std::string PartId(int index) { return fmt::format("part-{}", index + 1); }
+
+// Mean residual of the contours, root mean square.
+double ResidualOf(const std::vector<ContourMatch>& matches) {
+  double sum = 0;
+  for (const auto& m : matches) sum += m.residual_px * m.residual_px;
+  return matches.empty() ? 0 : std::sqrt(sum / static_cast<double>(matches.size()));
+}
+
+// The dimensions of `part` in the order of `model`; empty where one is missing.
+std::vector<double> DimensionsOf(const Part& part, const ObjectModel& model) {
+  std::vector<double> values;
+  for (const auto& definition : model.dimensions()) {
+    const auto found = std::find_if(part.dimensions.begin(), part.dimensions.end(),
+                                    [&](const auto& d) { return d.name == definition.name; });
+    if (found == part.dimensions.end()) return {};
+    values.push_back(found->value_mm);
+  }
+  return values;
+}
+
+}  // namespace
+
+void SetGeometry(const PlacedObject& object, Part& part) {
+  const WorldSolid solid = PlaceSolid(object, false);
+  part.kind = object.model->kind();
+  part.resting_pose = object.model->resting_poses()[static_cast<std::size_t>(object.resting_pose)].name;
+  part.world_from_part = solid.world_from_part;
+  part.yaw_rad = object.placement[3];
+  part.dimensions.resize(object.dimensions_mm.size());
+  for (std::size_t i = 0; i < object.dimensions_mm.size(); ++i) {
+    part.dimensions[i].name = object.model->dimensions()[i].name;
+    part.dimensions[i].value_mm = object.dimensions_mm[i];
+  }
+  part.vertices.clear();
+  for (const auto& v : solid.vertices) part.vertices.push_back(v.point);
+  part.edges.clear();
+  for (const auto& e : solid.edges) part.edges.push_back({e.start, e.end});
+  part.circles.clear();
+  for (const auto& c : solid.circles) part.circles.push_back({c.center.point, c.normal, c.radius_mm});
+}
+
+Part MakePart(const IdentifiedPart& found, const std::string& id, std::span<const View> views) {
+  Part part;
+  part.id = id;
+  SetGeometry(found.object, part);
+  for (auto& d : part.dimensions) d.sigma_mm = std::numeric_limits<double>::quiet_NaN();
+  for (int view : found.views) part.images.push_back(views[static_cast<std::size_t>(view)].image);
+  part.matches = found.matches;
+  for (auto& match : part.matches) match.image = views[static_cast<std::size_t>(match.image)].image;
+  part.residual_px = ResidualOf(part.matches);
+  part.doubtful = found.doubtful;
+  part.log_odds = found.log_odds;
+  part.runner_up = found.runner_up;
+  return part;
+}
+
+Product MakeProduct(const SceneResult& scene, std::span<const View> views) {
+  Product product;
+  for (const auto& found : scene.parts) {
+    product.parts.push_back(MakePart(found, PartId(static_cast<int>(product.parts.size())), views));
+    if (found.stands_on >= 0) product.parts.back().stands_on = PartId(found.stands_on);
+  }
+  product.unknown = scene.unknown;
+  return product;
+}
+
+std::optional<WorldSolid> SolidOfPart(const Part& part, const KnowledgeBase& knowledge) {
+  const ObjectModel* model = knowledge.Find(part.kind);
+  if (model == nullptr) return std::nullopt;
+  const std::vector<double> dimensions_mm = DimensionsOf(part, *model);
+  if (dimensions_mm.size() != model->dimensions().size()) return std::nullopt;
+  const RigidTransform& pose = part.world_from_part;
+  Solid solid = model->InstantiateUnchecked(dimensions_mm);
+  WorldSolid out;
+  out.world_from_part = pose;
+  for (const auto& v : solid.vertices) out.vertices.push_back({pose * v.point_in_part, {}});
+  out.edges = std::move(solid.edges);
+  for (const auto& c : solid.circles) {
+    const Eigen::Vector3d normal = pose.rotation * c.normal_in_part;
+    const Eigen::Vector3d axis_u = normal.unitOrthogonal();
+    out.circles.push_back({{pose * c.center.point_in_part, {}},
+                           normal,
+                           axis_u,
+                           normal.cross(axis_u),
+                           c.radius_mm,
+                           {},
+                           c.plane_face,
+                           c.cylinder_face,
+                           c.weight});
+  }
+  out.faces = std::move(solid.faces);
+  for (auto& face : out.faces) {
+    face.normal_in_part = pose.rotation * face.normal_in_part;
+    face.axis_point = pose * face.axis_point;
+    face.axis_direction = pose.rotation * face.axis_direction;
+    for (auto& triangle : face.triangles)
+      for (auto& corner : triangle) corner = pose * corner;
+  }
+  return out;
+}
+
+}  // namespace vss

@@ -1,0 +1,159 @@
+#include "vss/survey/run_survey.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <limits>
+#include <mutex>
+#include <optional>
+
+#include "vss/base/parallel.h"
+#include "vss/product/make_part.h"
+#include "vss/product/seams.h"
+
+namespace vss {
+namespace {
+
+// Notes how long each step took.
+class Stopwatch {
+ public:
+  explicit Stopwatch(std::vector<StepTime>& steps) : steps_(steps) {}
+  void Stop(std::string step) {
+    const auto now = Clock::now();
+    steps_.push_back({std::move(step), std::chrono::duration<double>(now - start_).count()});
+    start_ = now;
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  std::vector<StepTime>& steps_;
+  Clock::time_point start_ = Clock::now();
+};
+
+struct GreyRange {
+  int min = std::numeric_limits<int>::max(), max = 0;
+};
+
+GreyRange RangeOf(const GreyView& image) {
+  GreyRange range;
+  for (int v = 0; v < image.height; ++v)
+    for (int u = 0; u < image.width; ++u) {
+      const int grey = image.At(u, v);
+      range.min = std::min(range.min, grey);
+      range.max = std::max(range.max, grey);
+    }
+  return range;
+}
+
+// A picture whose darkest and brightest pixel differ by no more than the rounding of 8 bit holds nothing.
+Status CheckContent(const GreyView& image, const std::string& path) {
+  constexpr double kEmptyRange = 2.0 / 255.0;
+  const GreyRange range = RangeOf(image);
+  if (range.max - range.min > kEmptyRange * image.MaxValue()) return {};
+  const char* what = range.max <= kEmptyRange * image.MaxValue() ? "all black" : "of one grey value";
+  return InputError(
+      "{}: the picture is {} (grey values {} to {} of {}); take it again, or take it out of the survey", path,
+      what, range.min, range.max, image.MaxValue());
+}
+
+Result<LineImage> LinesOfPicture(const Survey& survey, int index, const LineOptions& options) {
+  const SurveyImage& image = survey.images[static_cast<std::size_t>(index)];
+  const Camera& camera = survey.cameras[static_cast<std::size_t>(image.camera)];
+  VSS_ASSIGN(GreyImage picture, ReadSurveyPicture(survey, index));
+  if (camera.response == Response::kSrgb) picture = LinearFromSrgb(picture.view());
+  LineImage lines = DetectLines(picture.view(), &camera.intrinsics, options);
+  lines.image = image.path.filename().string();
+  return lines;
+}
+
+}  // namespace
+
+Result<GreyImage> ReadSurveyPicture(const Survey& survey, int index) {
+  const SurveyImage& image = survey.images[static_cast<std::size_t>(index)];
+  const Camera& camera = survey.cameras[static_cast<std::size_t>(image.camera)];
+  VSS_ASSIGN(GreyImage picture, ReadImage(image.path));
+  if (picture.width() != camera.width_px || picture.height() != camera.height_px)
+    return InputError(
+        "{}: the picture has {} x {} pixels, but camera \"{}\" has {} x {}; name the camera that took it",
+        image.path.string(), picture.width(), picture.height(), camera.id, camera.width_px, camera.height_px);
+  VSS_RETURN_IF_ERROR(CheckContent(picture.view(), image.path.string()));
+  return picture;
+}
+
+Result<std::vector<LineImage>> DetectSurveyLines(const Survey& survey, const SurveyOptions& options,
+                                                 const Progress& progress) {
+  const std::size_t count = survey.images.size();
+  std::vector<std::optional<Result<LineImage>>> results(count);
+  std::atomic<int> done = 0;
+  std::mutex reporting;
+  ParallelFor(count, options.threads, [&](std::size_t i) {
+    if (progress.Cancelled()) return;
+    results[i] = LinesOfPicture(survey, static_cast<int>(i), options.lines);
+    const std::lock_guard lock(reporting);
+    progress.Report("lines", ++done, static_cast<int>(count));
+  });
+  if (progress.Cancelled()) return Cancelled();
+  std::vector<LineImage> lines;
+  for (auto& result : results) {
+    if (!*result) return tl::unexpected(result->error());
+    lines.push_back(std::move(**result));
+  }
+  return lines;
+}
+
+std::vector<View> MakeViews(const Survey& survey, const std::vector<LineImage>& lines) {
+  constexpr double kSameStop_mm = 1e-3;  // displacements are written with fewer digits than this
+  std::vector<Eigen::Vector3d> stops;
+  std::vector<View> views;
+  for (std::size_t i = 0; i < survey.images.size(); ++i) {
+    const SurveyImage& image = survey.images[i];
+    int stop = -1;
+    if (image.gantry_mm) {
+      const auto same = std::find_if(stops.begin(), stops.end(), [&](const auto& s) {
+        return (s - *image.gantry_mm).norm() < kSameStop_mm;
+      });
+      stop = static_cast<int>(same - stops.begin());
+      if (same == stops.end()) stops.push_back(*image.gantry_mm);
+    }
+    views.push_back(MakeView(static_cast<int>(i), survey.cameras[static_cast<std::size_t>(image.camera)],
+                             image.cam_from_world, stop, &lines[i]));
+  }
+  return views;
+}
+
+std::vector<std::string> ImageFiles(const Survey& survey) {
+  std::vector<std::string> files;
+  for (const auto& image : survey.images) files.push_back(image.file);
+  return files;
+}
+
+Result<SurveyOptions> OptionsOf(const Survey& survey) {
+  SurveyOptions options;
+  for (const auto& [name, value] : survey.parameters)
+    VSS_RETURN_IF_ERROR(SetSurveyParameter(name, value, options));
+  return options;
+}
+
+Result<SurveyOutcome> RunSurvey(const Survey& survey, const SurveyOptions& options,
+                                const Progress& progress) {
+  SurveyOutcome outcome;
+  Stopwatch watch(outcome.steps);
+  VSS_ASSIGN(outcome.knowledge, LoadKnowledge(survey.knowledge, survey.folder));
+  watch.Stop("knowledge");
+  VSS_ASSIGN(outcome.lines, DetectSurveyLines(survey, options, progress));
+  watch.Stop("lines");
+  const std::vector<View> views = MakeViews(survey, outcome.lines);
+  VSS_ASSIGN(const SceneResult scene,
+             IdentifyScene(views, outcome.knowledge, options.identify, options.threads, progress));
+  watch.Stop("identify");
+  outcome.product = MakeProduct(scene, views);
+  outcome.product.survey = survey.name;
+  outcome.product.warnings.insert(outcome.product.warnings.begin(), survey.warnings.begin(),
+                                  survey.warnings.end());
+  outcome.product.seams = FindSeams(outcome.product, outcome.knowledge, options.seams);
+  watch.Stop("product");
+  if (progress.Cancelled()) return Cancelled();
+  return outcome;
+}
+
+}  // namespace vss
