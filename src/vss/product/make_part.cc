@@ -1,7 +1,9 @@
 #include "vss/product/make_part.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <map>
 
 namespace vss {
 namespace {
@@ -25,6 +27,46 @@ std::vector<double> DimensionsOf(const Part& part, const ObjectModel& model) {
     values.push_back(found->value_mm);
   }
   return values;
+}
+
+// From the covariance of the state (x, y, z, yaw, tilt_x, tilt_y, dimensions) to that of the part frame's
+// origin, its rotation vector in world and the dimensions. The derivative is taken numerically: exact to 1e-7
+// of itself.
+Eigen::MatrixXd PoseCovariance(const PlacedObject& object, const Eigen::MatrixXd& of_state) {
+  const int n = object.StateSize();
+  if (of_state.rows() != n || of_state.cols() != n) return {};
+  constexpr double kStep_mm = 1e-3, kStep_rad = 1e-6;
+  Eigen::MatrixXd jacobian = Eigen::MatrixXd::Identity(n, n);
+  for (int k = 0; k < n; ++k) {
+    const double step = k >= 3 && k < kPlacementSize ? kStep_rad : kStep_mm;
+    const auto pose_at = [&](double change) {
+      PlacedObject moved = object;
+      Eigen::VectorXd state = object.State();
+      state[k] += change;
+      moved.SetState(state);
+      return PlaceSolid(moved, false).world_from_part;
+    };
+    const RigidTransform ahead = pose_at(step), behind = pose_at(-step);
+    jacobian.col(k).head<3>() = (ahead.translation - behind.translation) / (2 * step);
+    jacobian.col(k).segment<3>(3) =
+        VectorFromRotation(ahead.rotation * behind.rotation.transpose()) / (2 * step);
+  }
+  return jacobian * of_state * jacobian.transpose();
+}
+
+// Picture by picture, in the survey's order: the root mean square of the means of the edges measured there.
+std::vector<PictureResidual> PictureResiduals(const ReconstructedPart& reconstructed,
+                                              std::span<const View> views) {
+  std::map<int, PictureResidual> by_image;
+  for (const auto& edge : reconstructed.edges) {
+    if (!edge.used) continue;
+    PictureResidual& r = by_image[views[static_cast<std::size_t>(edge.view)].image];
+    r.rms_px += edge.mean_px * edge.mean_px;
+    ++r.num_edges;
+  }
+  std::vector<PictureResidual> out;
+  for (auto& [image, r] : by_image) out.push_back({image, std::sqrt(r.rms_px / r.num_edges), r.num_edges});
+  return out;
 }
 
 }  // namespace
@@ -63,13 +105,33 @@ Part MakePart(const IdentifiedPart& found, const std::string& id, std::span<cons
   return part;
 }
 
-Product MakeProduct(const SceneResult& scene, std::span<const View> views) {
+void SetReconstruction(const ReconstructedPart& reconstructed, std::span<const View> views, Part& part) {
+  SetGeometry(reconstructed.object, part);
+  for (std::size_t i = 0; i < part.dimensions.size() && i < reconstructed.dimensions.size(); ++i) {
+    const ReconstructedDimension& d = reconstructed.dimensions[i];
+    part.dimensions[i] = {d.name, d.value_mm, d.sigma_mm, d.observable, d.origin};
+  }
+  part.vertex_sigma = reconstructed.vertex_sigma;
+  part.covariance = PoseCovariance(reconstructed.object, reconstructed.covariance);
+  part.residual_px = reconstructed.residual_px;
+  part.picture_residuals = PictureResiduals(reconstructed, views);
+  part.remarks = reconstructed.remarks;
+  part.images.clear();
+  for (int view : reconstructed.views) part.images.push_back(views[static_cast<std::size_t>(view)].image);
+}
+
+Product MakeProduct(const SceneResult& scene, const Reconstruction& reconstruction,
+                    std::span<const View> views) {
   Product product;
-  for (const auto& found : scene.parts) {
-    product.parts.push_back(MakePart(found, PartId(static_cast<int>(product.parts.size())), views));
-    if (found.stands_on >= 0) product.parts.back().stands_on = PartId(found.stands_on);
+  for (std::size_t i = 0; i < scene.parts.size(); ++i) {
+    const IdentifiedPart& found = scene.parts[i];
+    Part part = MakePart(found, PartId(static_cast<int>(i)), views);
+    if (found.stands_on >= 0) part.stands_on = PartId(found.stands_on);
+    if (i < reconstruction.parts.size()) SetReconstruction(reconstruction.parts[i], views, part);
+    product.parts.push_back(std::move(part));
   }
   product.unknown = scene.unknown;
+  product.warnings = reconstruction.warnings;
   return product;
 }
 

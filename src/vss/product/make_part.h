@@ -6,14 +6,19 @@
 #include "vss/identify/scene.h"
 #include "vss/identify/view.h"
 #include "vss/product/product.h"
+#include "vss/reconstruct/reconstruct.h"
 
 namespace vss {
 
 // The part as identified; its sigmas are not known (NaN) until it is reconstructed.
 Part MakePart(const IdentifiedPart& found, const std::string& id, std::span<const View> views);
 
+// Puts what reconstruction found into `part`: geometry, sigmas, covariance, residuals.
+void SetReconstruction(const ReconstructedPart& reconstructed, std::span<const View> views, Part& part);
+
 // All parts of the scene, named part-1, part-2, ... in the scene's order, and what stands on what.
-Product MakeProduct(const SceneResult& scene, std::span<const View> views);
+Product MakeProduct(const SceneResult& scene, const Reconstruction& reconstruction,
+                    std::span<const View> views);
 
 // The part's place and shape as they follow from `object`: pose, dimensions' values, vertices, edges,
 // circles.

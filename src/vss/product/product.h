@@ -25,6 +25,13 @@ struct ProductCircle {
   double radius_mm = 0;
 };
 
+// How well the part's contour was met in one picture: root mean square over the edges measured there.
+struct PictureResidual {
+  int image = 0;
+  double rms_px = 0;
+  int num_edges = 0;
+};
+
 struct Part {
   std::string id, kind;
   std::string source = "automatic";  // "automatic", "corrected" or "manual"
@@ -38,7 +45,9 @@ struct Part {
   std::string stands_on = "ground";  // "ground" or a part's id
   std::vector<int> images;           // indices of the pictures that were used
   std::vector<ContourMatch> matches;
-  Eigen::MatrixXd covariance;  // of (x, y, z mm, rotation vector rad in world, dimensions mm)
+  std::vector<PictureResidual> picture_residuals;
+  std::vector<std::string> remarks;  // sentences about this part
+  Eigen::MatrixXd covariance;        // of (x, y, z mm, rotation vector rad in world, dimensions mm)
   double residual_px = 0;
   bool doubtful = false;
   double log_odds = 0;

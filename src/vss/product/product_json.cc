@@ -121,6 +121,12 @@ Json PartJson(const Part& part, const std::vector<std::string>& files) {
   if (part.runner_up)
     out["runner_up"] = {{"kind", part.runner_up->kind},
                         {"log_odds", Rounded(part.runner_up->log_odds, kRatioDigits)}};
+  if (!part.remarks.empty()) out["remarks"] = part.remarks;
+  out["residuals"] = Json::array();
+  for (const auto& r : part.picture_residuals)
+    out["residuals"].push_back({{"image", FileOf(r.image, files)},
+                                {"rms_px", Rounded(r.rms_px, kRatioDigits)},
+                                {"edges", r.num_edges}});
   out["matches"] = MatchesJson(part, files);
   if (part.covariance.size() > 0) out["covariance"] = CovarianceJson(part);
   return out;
@@ -235,6 +241,10 @@ Part PartFrom(const Json& in, const std::vector<std::string>& files) {
   if (in.contains("runner_up"))
     part.runner_up = RunnerUp{in["runner_up"].at("kind").get<std::string>(),
                               NumberOrNan(in["runner_up"].value("log_odds", Json()))};
+  part.remarks = in.value("remarks", part.remarks);
+  for (const auto& r : in.value("residuals", Json::array()))
+    if (const int image = ImageFrom(r.at("image").get<std::string>(), files); image >= 0)
+      part.picture_residuals.push_back({image, NumberOrNan(r.at("rms_px")), r.value("edges", 0)});
   if (in.contains("matches")) part.matches = MatchesFrom(in["matches"], files);
   if (in.contains("covariance")) part.covariance = MatrixFrom(in["covariance"].at("matrix"));
   return part;

@@ -31,6 +31,8 @@ Product Sample() {
   plate.circles = {{{1, 2, 3}, {0, 0, 1}, 100}};
   plate.images = {1};
   plate.matches = {{1, 4, 2, false, 0.05}, {1, 0, 1, true, 0.1}};
+  plate.picture_residuals = {{1, 0.07, 5}};
+  plate.remarks = {"it leans by 1.2 degrees"};
   plate.covariance = Eigen::MatrixXd::Identity(8, 8) * 0.04;
   plate.residual_px = 0.08;
   plate.doubtful = true;

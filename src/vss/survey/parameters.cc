@@ -11,6 +11,7 @@ template <class Visitor>
 void ForEachStep(const Visitor& visit) {
   visit(LineParameters(), &SurveyOptions::lines);
   visit(IdentifyParameters(), &SurveyOptions::identify);
+  visit(ReconstructParameters(), &SurveyOptions::reconstruct);
   visit(SeamParameters(), &SurveyOptions::seams);
 }
 

@@ -9,6 +9,7 @@
 #include "vss/feature/line_image.h"
 #include "vss/identify/scene.h"
 #include "vss/product/seams.h"
+#include "vss/reconstruct/reconstruct.h"
 
 namespace vss {
 
@@ -16,6 +17,7 @@ namespace vss {
 struct SurveyOptions {
   LineOptions lines;
   IdentifyOptions identify;
+  ReconstructOptions reconstruct;
   SeamOptions seams;
   int threads = 0;  // 0: as many as the machine has
 };

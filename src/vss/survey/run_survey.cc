@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <functional>
 #include <limits>
 #include <mutex>
 #include <optional>
@@ -56,14 +57,27 @@ Status CheckContent(const GreyView& image, const std::string& path) {
       what, range.min, range.max, image.MaxValue());
 }
 
-Result<LineImage> LinesOfPicture(const Survey& survey, int index, const LineOptions& options) {
-  const SurveyImage& image = survey.images[static_cast<std::size_t>(index)];
-  const Camera& camera = survey.cameras[static_cast<std::size_t>(image.camera)];
+Result<GreyImage> LinearPicture(const Survey& survey, int index) {
   VSS_ASSIGN(GreyImage picture, ReadSurveyPicture(survey, index));
-  if (camera.response == Response::kSrgb) picture = LinearFromSrgb(picture.view());
-  LineImage lines = DetectLines(picture.view(), &camera.intrinsics, options);
-  lines.image = image.path.filename().string();
-  return lines;
+  const SurveyImage& image = survey.images[static_cast<std::size_t>(index)];
+  if (survey.cameras[static_cast<std::size_t>(image.camera)].response == Response::kSrgb)
+    return LinearFromSrgb(picture.view());
+  return picture;
+}
+
+// Calls body(i) for every picture in parallel and tells of progress; an error only on cancel.
+Status ForEachPicture(std::size_t count, std::string_view step, int threads, const Progress& progress,
+                      const std::function<void(std::size_t)>& body) {
+  std::atomic<int> done = 0;
+  std::mutex reporting;
+  ParallelFor(count, threads, [&](std::size_t i) {
+    if (progress.Cancelled()) return;
+    body(i);
+    const std::lock_guard lock(reporting);
+    progress.Report(step, ++done, static_cast<int>(count));
+  });
+  if (progress.Cancelled()) return Cancelled();
+  return {};
 }
 
 }  // namespace
@@ -80,24 +94,32 @@ Result<GreyImage> ReadSurveyPicture(const Survey& survey, int index) {
   return picture;
 }
 
-Result<std::vector<LineImage>> DetectSurveyLines(const Survey& survey, const SurveyOptions& options,
-                                                 const Progress& progress) {
+Result<std::vector<GreyImage>> ReadSurveyPictures(const Survey& survey, int threads,
+                                                  const Progress& progress) {
   const std::size_t count = survey.images.size();
-  std::vector<std::optional<Result<LineImage>>> results(count);
-  std::atomic<int> done = 0;
-  std::mutex reporting;
-  ParallelFor(count, options.threads, [&](std::size_t i) {
-    if (progress.Cancelled()) return;
-    results[i] = LinesOfPicture(survey, static_cast<int>(i), options.lines);
-    const std::lock_guard lock(reporting);
-    progress.Report("lines", ++done, static_cast<int>(count));
-  });
-  if (progress.Cancelled()) return Cancelled();
-  std::vector<LineImage> lines;
+  std::vector<std::optional<Result<GreyImage>>> results(count);
+  VSS_RETURN_IF_ERROR(ForEachPicture(count, "pictures", threads, progress, [&](std::size_t i) {
+    results[i] = LinearPicture(survey, static_cast<int>(i));
+  }));
+  std::vector<GreyImage> pictures;
   for (auto& result : results) {
     if (!*result) return tl::unexpected(result->error());
-    lines.push_back(std::move(**result));
+    pictures.push_back(std::move(**result));
   }
+  return pictures;
+}
+
+Result<std::vector<LineImage>> DetectSurveyLines(const Survey& survey, const std::vector<GreyImage>& pictures,
+                                                 const SurveyOptions& options, const Progress& progress) {
+  std::vector<LineImage> lines(pictures.size());
+  VSS_RETURN_IF_ERROR(ForEachPicture(pictures.size(), "lines", options.threads, progress, [&](std::size_t i) {
+    thread_local LineWorkspace workspace;  // only saves allocations: the result does not depend on it
+    const SurveyImage& image = survey.images[i];
+    lines[i] =
+        DetectLines(pictures[i].view(), &survey.cameras[static_cast<std::size_t>(image.camera)].intrinsics,
+                    options.lines, &workspace);
+    lines[i].image = image.path.filename().string();
+  }));
   return lines;
 }
 
@@ -140,13 +162,21 @@ Result<SurveyOutcome> RunSurvey(const Survey& survey, const SurveyOptions& optio
   Stopwatch watch(outcome.steps);
   VSS_ASSIGN(outcome.knowledge, LoadKnowledge(survey.knowledge, survey.folder));
   watch.Stop("knowledge");
-  VSS_ASSIGN(outcome.lines, DetectSurveyLines(survey, options, progress));
+  VSS_ASSIGN(const std::vector<GreyImage> pictures, ReadSurveyPictures(survey, options.threads, progress));
+  watch.Stop("pictures");
+  VSS_ASSIGN(outcome.lines, DetectSurveyLines(survey, pictures, options, progress));
   watch.Stop("lines");
   const std::vector<View> views = MakeViews(survey, outcome.lines);
   VSS_ASSIGN(const SceneResult scene,
              IdentifyScene(views, outcome.knowledge, options.identify, options.threads, progress));
   watch.Stop("identify");
-  outcome.product = MakeProduct(scene, views);
+  std::vector<GreyView> grey;
+  for (const auto& picture : pictures) grey.push_back(picture.view());
+  VSS_ASSIGN(const Reconstruction reconstruction,
+             ReconstructScene(views, grey, scene.parts, options.reconstruct, options.threads, progress));
+  outcome.cam_from_world = reconstruction.cam_from_world;
+  watch.Stop("reconstruct");
+  outcome.product = MakeProduct(scene, reconstruction, views);
   outcome.product.survey = survey.name;
   outcome.product.warnings.insert(outcome.product.warnings.begin(), survey.warnings.begin(),
                                   survey.warnings.end());

@@ -22,17 +22,22 @@ struct StepTime {
 struct SurveyOutcome {
   std::vector<LineImage> lines;  // one a picture
   KnowledgeBase knowledge;
-  Product product;              // its warnings hold the survey's too
-  std::vector<StepTime> steps;  // in their order
+  Product product;                             // its warnings hold the survey's too
+  std::vector<RigidTransform> cam_from_world;  // of each picture, adjusted
+  std::vector<StepTime> steps;                 // in their order
 };
 
 // One picture as it lies on disk. Errors: missing, damaged, of another size than its camera, without content.
 Result<GreyImage> ReadSurveyPicture(const Survey& survey, int image);
 
-// Step 2: the line images of all pictures, in parallel. Errors of a picture name it; the first in the
-// survey's order.
-Result<std::vector<LineImage>> DetectSurveyLines(const Survey& survey, const SurveyOptions& options,
-                                                 const Progress& progress);
+// All pictures, with grey values proportional to light, in parallel. Errors name the picture; the first in
+// the survey's order.
+Result<std::vector<GreyImage>> ReadSurveyPictures(const Survey& survey, int threads,
+                                                  const Progress& progress);
+
+// The line images of the pictures that ReadSurveyPictures gave, in parallel. An error only on cancel.
+Result<std::vector<LineImage>> DetectSurveyLines(const Survey& survey, const std::vector<GreyImage>& pictures,
+                                                 const SurveyOptions& options, const Progress& progress);
 
 // The pictures as identification sees them; pictures taken at one gantry displacement share a stop. Point
 // into `survey` and `lines`, which must outlive them.

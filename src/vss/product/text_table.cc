@@ -1,0 +1,37 @@
+#include "vss/product/text_table.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vss {
+namespace {
+
+std::string DimensionText(const DimensionValue& d) {
+  if (!d.observable) return fmt::format("{} {:.1f} (?)", d.name, d.value_mm);
+  if (!std::isfinite(d.sigma_mm)) return fmt::format("{} {:.1f}", d.name, d.value_mm);
+  return fmt::format("{} {:.1f} +-{:.2f}", d.name, d.value_mm, d.sigma_mm);
+}
+
+}  // namespace
+
+std::string PartsTable(const Product& product) {
+  if (product.parts.empty()) return "no parts found\n";
+  std::string out = fmt::format("{:<9} {:<12} {:>9} {:>9} {:>8} {:>8}  {:<10} {:>5}  {}\n", "PART", "KIND",
+                                "X mm", "Y mm", "Z mm", "YAW deg", "STANDS ON", "PICT.",
+                                "DIMENSIONS mm +-1 sigma; (?): the pictures do not determine it");
+  for (const auto& part : product.parts) {
+    std::string dimensions;
+    for (const auto& d : part.dimensions) dimensions += (dimensions.empty() ? "" : ", ") + DimensionText(d);
+    const auto& p = part.world_from_part.translation;
+    out += fmt::format("{:<9} {:<12} {:>9.1f} {:>9.1f} {:>8.1f} {:>8.2f}  {:<10} {:>5}  {}{}\n", part.id,
+                       part.kind, p.x(), p.y(), p.z(), DegFromRad(part.yaw_rad), part.stands_on,
+                       part.images.size(), dimensions, part.doubtful ? "  DOUBTFUL" : "");
+  }
+  const auto doubtful =
+      std::count_if(product.parts.begin(), product.parts.end(), [](const auto& p) { return p.doubtful; });
+  out += fmt::format("{} parts ({} doubtful), {} seams, {} unknown groups of lines\n", product.parts.size(),
+                     doubtful, product.seams.size(), product.unknown.size());
+  return out;
+}
+
+}  // namespace vss
