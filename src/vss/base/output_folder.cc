@@ -35,7 +35,9 @@ void RemoveEmpty(std::vector<fs::path>& folders) {
 // A path as one plain file name.
 std::string Flattened(const fs::path& path) {
   std::string name;
-  for (const auto& piece : path.lexically_normal().replace_extension()) {
+  fs::path plain = path.lexically_normal();
+  plain.replace_extension();
+  for (const auto& piece : plain) {
     if (piece == ".." || piece == "." || piece == "/") continue;
     name += (name.empty() ? "" : "_") + piece.string();
   }
