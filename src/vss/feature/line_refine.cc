@@ -90,6 +90,7 @@ Grid BuildGrid(const GreyView& image, const std::vector<LineSegment>& segments, 
   for (std::size_t c = 0; c + 1 < b.cell_start.size(); ++c) b.cell_start[c] = b.cell_start[c + 1];
   b.cell_start.back() = static_cast<std::uint32_t>(b.cell_items.size());
   b.seen.assign(segments.size(), 0);
+  b.stamp = 0;
   return grid;
 }
 
@@ -97,7 +98,7 @@ Grid BuildGrid(const GreyView& image, const std::vector<LineSegment>& segments, 
 void FindNearby(const Grid& grid, const std::vector<LineSegment>& segments, std::size_t i, double margin,
                 RefineBuffers& b) {
   b.nearby.clear();
-  const auto stamp = static_cast<std::uint32_t>(i + 1);
+  const std::uint32_t stamp = ++b.stamp;
   ForCells(grid, segments[i], margin, [&](std::size_t c) {
     for (auto k = b.cell_start[c]; k < b.cell_start[c + 1]; ++k) {
       const auto j = b.cell_items[k];
@@ -149,15 +150,18 @@ Surroundings Survey(const StripFrame& f, const std::vector<LineSegment>& segment
 double EndMargin(double length) { return std::clamp(0.12 * length, 0.5, 2.5); }
 
 struct Gate {
-  double max_move_px = 1;
+  double max_move_px = 1,
+         max_move_beside_px = 2;  // the raw place of an edge is drawn towards one close beside it
   double min_contrast_share = 0.3, max_contrast_share = 3;
 };
 
-bool Passes(const StripFit& fit, const StripEdge& edge, const StripFrame& f, double raw_contrast) {
+bool Passes(const StripFit& fit, const StripEdge& edge, const StripFrame& f, double raw_contrast,
+            bool beside) {
   const Gate gate;
   if (!fit.ok) return false;
   const double a = edge.offset + edge.slope * f.from, b = edge.offset + edge.slope * f.to;
-  if (std::max(std::abs(a), std::abs(b)) > gate.max_move_px) return false;
+  if (std::max(std::abs(a), std::abs(b)) > (beside ? gate.max_move_beside_px : gate.max_move_px))
+    return false;
   return edge.contrast > gate.min_contrast_share * raw_contrast &&
          edge.contrast < gate.max_contrast_share * raw_contrast;
 }
@@ -182,25 +186,107 @@ void Apply(const Intrinsics* lens, const StripFrame& f, const StripFit& fit, con
   s.num_points = fit.num_columns;
 }
 
-StripFit FitFor(const RefineContext& x, StripFrame frame, const LineSegment& s, const Surroundings& around,
-                int* edge_index, RefineBuffers& b) {
+// What is known of the lens's blur once the first fits are done.
+struct KnownBlur {
+  double blur_px = 0;  // lens and pixel; 0: not known
+};
+constexpr double kBlurSpread =
+    0.12;  // share by which the blur differs over a picture: depth, field curvature
+
+struct Attempt {
+  StripFit fit;
+  int index = 0;  // which of the fit's edges is the segment
+};
+
+StripSettings SettingsFor(const RefineContext& x, const StripFrame& frame, const LineSegment& s,
+                          const KnownBlur& known) {
   StripSettings settings;
   settings.reach_px = kReachPx, settings.margin_px = kMarginPx;
   settings.noise_sigma = NoiseAt(x.noise, x.image, frame.middle);
-  settings.start_blur_px = std::clamp(std::hypot(s.blur_px, 0.29), 0.6, 2.0);
+  settings.start_blur_px =
+      known.blur_px > 0 ? known.blur_px : std::clamp(std::hypot(s.blur_px, 0.29), 0.6, 2.0);
+  settings.blur_sigma_px = kBlurSpread * known.blur_px;
+  return settings;
+}
+
+Attempt FitWith(const RefineContext& x, const StripFrame& frame, const LineSegment& s,
+                const StripEdge* partner, const StripSettings& settings, RefineBuffers& b) {
+  StripEdge edges[2] = {{0, 0, s.contrast, Eigen::Matrix2d::Zero()}, partner ? *partner : StripEdge{}};
+  Attempt out;
+  if (partner && edges[1].offset < 0) std::swap(edges[0], edges[1]), out.index = 1;
+  out.fit =
+      FitStrip(x.image, frame, std::span(edges, partner ? 2 : 1), b.neighbours, settings, x.simd, b.strip);
+  return out;
+}
+
+StripFrame Trimmed(StripFrame frame) {
   const double margin = EndMargin(frame.to - frame.from);
   frame.from += margin, frame.to -= margin;
-  StripEdge edges[2] = {{0, 0, s.contrast, Eigen::Matrix2d::Zero()}, around.partner_edge};
-  *edge_index = 0;
-  if (around.partner >= 0 && edges[1].offset < 0) std::swap(edges[0], edges[1]), *edge_index = 1;
-  const std::size_t count = around.partner >= 0 ? 2 : 1;
-  StripFit fit = FitStrip(x.image, frame, std::span(edges, count), b.neighbours, settings, x.simd, b.strip);
-  for (int i = 0; i < 2 && !fit.ok; ++i) {
-    // Too little is left between the neighbours: come nearer to them, then take what there is.
-    settings.margin_px = i == 0 ? 0.6 * kMarginPx : 0.3 * kMarginPx;
-    fit = FitStrip(x.image, frame, std::span(edges, count), b.neighbours, settings, x.simd, b.strip);
+  return frame;
+}
+
+Attempt FirstFit(const RefineContext& x, const StripFrame& frame, const LineSegment& s,
+                 const Surroundings& around, const KnownBlur& known, RefineBuffers& b) {
+  StripSettings settings = SettingsFor(x, frame, s, known);
+  const StripEdge* partner = around.partner >= 0 ? &around.partner_edge : nullptr;
+  Attempt out;
+  for (const double share : {1.0, 0.6, 0.3}) {
+    // Where too little is left between the neighbours, nearer to them; in the end what there is.
+    settings.margin_px = share * kMarginPx;
+    out = FitWith(x, frame, s, partner, settings, b);
+    if (out.fit.ok) break;
   }
-  return fit;
+  return out;
+}
+
+// An edge that is wider than the lens makes them, or whose pixels fit badly, may have another close beside it
+// that was not found by itself (the side of a thin plate). The best of the places where that may lie, or the
+// fit as it was.
+Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const LineSegment& s,
+                       const KnownBlur& known, const Attempt& single, RefineBuffers& b) {
+  constexpr double kMinGain =
+      25;  // of the sum of squared residuals over their variance, for three or four more parameters
+  constexpr double kMinHiddenShare = 0.05;
+  const StripSettings settings = SettingsFor(x, frame, s, known);
+  Attempt best = single;
+  double best_misfit = single.fit.ok ? single.fit.residual_sigma * single.fit.residual_sigma : 1e300;
+  for (const double place : {2.2, -2.2, 3.8, -3.8}) {
+    const StripEdge hidden{place, 0, 0, Eigen::Matrix2d::Zero()};
+    Attempt two = FitWith(x, frame, s, &hidden, settings, b);
+    if (!two.fit.ok) continue;
+    const StripEdge &main = two.fit.edges[two.index], &other = two.fit.edges[1 - two.index];
+    if (std::abs(main.offset) > std::abs(other.offset) || !Passes(two.fit, main, frame, s.contrast, false) ||
+        std::abs(other.contrast) < kMinHiddenShare * main.contrast ||
+        std::abs(main.offset - other.offset) < settings.start_blur_px)
+      continue;
+    const double variance = two.fit.residual_sigma * two.fit.residual_sigma;
+    if (variance >= best_misfit) continue;
+    const double pixels = 2 * settings.reach_px * two.fit.num_columns;
+    if (single.fit.ok &&
+        pixels * (single.fit.residual_sigma * single.fit.residual_sigma / variance - 1) < kMinGain)
+      continue;
+    best_misfit = variance, best = two;
+  }
+  return best;
+}
+
+// The lens's blur from the segments that were fitted: a low quantile, since what disturbs an edge makes it
+// wider.
+KnownBlur BlurOf(const RefineContext& x, const std::vector<LineSegment>& segments,
+                 std::vector<float>& sorted) {
+  constexpr double kMinContrast = 10;  // of the noise
+  constexpr int kMinColumns = 12;
+  constexpr std::size_t kMinSegments = 4;
+  constexpr double kQuantile = 0.35;
+  sorted.clear();
+  for (const auto& s : segments)
+    if (s.num_points >= kMinColumns &&
+        s.contrast > kMinContrast * NoiseAt(x.noise, x.image, 0.5 * (s.start + s.end)) && s.blur_px > 0.2)
+      sorted.push_back(static_cast<float>(std::hypot(s.blur_px, 0.28867513)));
+  if (sorted.size() < kMinSegments) return {};
+  const auto at = sorted.begin() + std::ptrdiff_t(kQuantile * double(sorted.size()));
+  std::nth_element(sorted.begin(), at, sorted.end());
+  return {*at};
 }
 
 }  // namespace
@@ -208,14 +294,39 @@ StripFit FitFor(const RefineContext& x, StripFrame frame, const LineSegment& s, 
 void RefinePlaces(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {
   b.before = segments;
   const Grid grid = BuildGrid(x.image, b.before, b);
-  for (std::size_t i = 0; i < segments.size(); ++i) {
-    LineSegment& s = segments[i];
-    const StripFrame frame = FrameOf(x.lens, s);
-    FindNearby(grid, b.before, i, kNearPx, b);
-    const Surroundings around = Survey(frame, b.before, b);
-    int index = 0;
-    const StripFit fit = FitFor(x, frame, s, around, &index, b);
-    if (Passes(fit, fit.edges[index], frame, s.contrast)) Apply(x.lens, frame, fit, fit.edges[index], s);
+  b.sound.assign(segments.size(), 0);
+  b.residual.assign(segments.size(), 1e9f);
+  KnownBlur known;
+  for (const int pass : {0, 1}) {
+    for (std::size_t i = 0; i < segments.size(); ++i) {
+      if (b.sound[i]) continue;
+      const LineSegment& raw = b.before[i];
+      const StripFrame whole = FrameOf(x.lens, raw), frame = Trimmed(whole);
+      FindNearby(grid, b.before, i, kNearPx, b);
+      const Surroundings around = Survey(frame, b.before, b);
+      Attempt attempt = FirstFit(x, frame, raw, around, known, b);
+      const bool fits =
+          Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, around.partner >= 0);
+      if (pass == 1 && around.partner < 0) {
+        if (!fits) attempt.fit.ok = false;
+        attempt = WithHiddenEdge(x, frame, raw, known, attempt, b);
+      }
+      segments[i] = raw;
+      if (!Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, around.partner >= 0))
+        continue;
+      Apply(x.lens, whole, attempt.fit, attempt.fit.edges[attempt.index], segments[i]);
+      b.residual[i] = static_cast<float>(attempt.fit.residual_sigma);
+    }
+    if (pass == 1) break;
+    known = BlurOf(x, segments, b.strip.sorted);
+    if (known.blur_px == 0) break;
+    constexpr double kUsual = 1.2, kMaxResidual = 1.25;
+    for (std::size_t i = 0; i < segments.size(); ++i) {
+      const double blur = std::hypot(segments[i].blur_px, 0.28867513);
+      b.sound[i] = blur < kUsual * known.blur_px && blur > known.blur_px / kUsual &&
+                   b.residual[i] <
+                       kMaxResidual * NoiseAt(x.noise, x.image, 0.5 * (segments[i].start + segments[i].end));
+    }
   }
 }
 

@@ -265,16 +265,24 @@ struct Fitted {
   int parameters = 0;
 };
 
+// What is known of the blur before the fit, in units of the residuals' squares.
+struct BlurPrior {
+  double blur = 0, weight = 0;
+};
+
 template <int P>
-bool Solve(const Sums<P>& s, Eigen::Matrix<double, P, 1>& step, Eigen::Matrix<double, P, P>& information) {
-  Eigen::Matrix<double, P, P> h;
+bool Solve(const Sums<P>& s, bool levels_only, int places, Eigen::Matrix<double, P, 1>& step,
+           Eigen::Matrix<double, P, P>& information) {
   Eigen::Matrix<double, P, 1> g;
   for (int i = 0; i < P; ++i) {
     g[i] = s.g[i];
-    for (int j = 0; j < P; ++j) h(i, j) = s.h[i][j];
+    for (int j = 0; j < P; ++j) information(i, j) = s.h[i][j];
   }
-  information = h;
+  Eigen::Matrix<double, P, P> h = information;
   h.diagonal() *= 1 + 1e-9;
+  constexpr double kHold = 1e12;
+  for (int i = 0; levels_only && i < P; ++i)
+    if (i < places || i == P - 1) h(i, i) += kHold;
   const Eigen::LDLT<Eigen::Matrix<double, P, P>> solver(h);
   if (solver.info() != Eigen::Success || !solver.isPositive()) return false;
   step = solver.solve(g);
@@ -282,8 +290,8 @@ bool Solve(const Sums<P>& s, Eigen::Matrix<double, P, 1>& step, Eigen::Matrix<do
 }
 
 template <int kEdges, bool kLinear>
-bool Iterate(const StripBuffers& b, std::size_t padded, double saturated, Simd simd, int iterations,
-             Fitted& f) {
+bool Iterate(const StripBuffers& b, std::size_t padded, double saturated, const BlurPrior& prior, Simd simd,
+             int iterations, bool levels_first, Fitted& f) {
   constexpr int P = NumParameters<kEdges, kLinear>();
   const auto accumulate = Normal<kEdges, kLinear>::Choose(simd);
   Sums<P> sums;
@@ -293,15 +301,19 @@ bool Iterate(const StripBuffers& b, std::size_t padded, double saturated, Simd s
   for (int i = 0; i <= iterations; ++i) {
     accumulate(b.along.data(), b.across.data(), b.grey.data(), b.weight.data(), padded, f.model,
                static_cast<float>(saturated), sums);
-    if (!Solve<P>(sums, step, information)) return false;
+    sums.h[P - 1][P - 1] += prior.weight;
+    sums.g[P - 1] += prior.weight * (prior.blur - f.model.blur);
+    if (!Solve<P>(sums, levels_first && i == 0, 2 * kEdges, step, information)) return false;
     if (i == iterations) break;
     int at = 0;
     double largest = 0;
     for (int e = 0; e < kEdges; ++e)
       largest = std::max({largest, std::abs(step[2 * e]), std::abs(step[2 * e + 1])});
     const double scale = largest > kMaxStepPx ? kMaxStepPx / largest : 1.0;
-    for (int e = 0; e < kEdges; ++e)
-      f.model.offset[e] += float(scale * step[at++]), f.model.slope[e] += float(scale * step[at++]);
+    for (int e = 0; e < kEdges; ++e) {
+      f.model.offset[e] += float(scale * step[at++]);
+      f.model.slope[e] += float(scale * step[at++]);
+    }
     f.model.level[0] += float(scale * step[at++]);
     for (int e = 0; e < kEdges; ++e) f.model.contrast[e] += float(scale * step[at++]);
     if (kLinear) {
@@ -315,19 +327,18 @@ bool Iterate(const StripBuffers& b, std::size_t padded, double saturated, Simd s
   const Eigen::Matrix<double, P, P> inverse =
       information.ldlt().solve(Eigen::Matrix<double, P, P>::Identity());
   f.covariance.setZero();
-  f.covariance.topLeftCorner<2 * kEdges, 2 * kEdges>() =
+  f.covariance.template topLeftCorner<2 * kEdges, 2 * kEdges>() =
       inverse.template topLeftCorner<2 * kEdges, 2 * kEdges>();
   f.residual2 = sums.residual2, f.weight = sums.weight, f.parameters = P;
   return f.covariance.allFinite();
 }
 
-bool Iterate(const StripBuffers& b, std::size_t padded, double saturated, Simd simd, int edges, bool linear,
-             int iterations, Fitted& f) {
-  if (edges == 1)
-    return linear ? Iterate<1, true>(b, padded, saturated, simd, iterations, f)
-                  : Iterate<1, false>(b, padded, saturated, simd, iterations, f);
-  return linear ? Iterate<2, true>(b, padded, saturated, simd, iterations, f)
-                : Iterate<2, false>(b, padded, saturated, simd, iterations, f);
+using IterateFunction = bool (*)(const StripBuffers&, std::size_t, double, const BlurPrior&, Simd, int, bool,
+                                 Fitted&);
+
+IterateFunction IterateFor(int edges, bool linear) {
+  if (edges == 1) return linear ? IterateFunction(Iterate<1, true>) : IterateFunction(Iterate<1, false>);
+  return linear ? IterateFunction(Iterate<2, true>) : IterateFunction(Iterate<2, false>);
 }
 
 float MedianOf(std::vector<float>& values) {
@@ -431,7 +442,12 @@ StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<cons
   constexpr int kLinearColumns = 24;  // fewer columns cannot tell a slope of the levels from noise
   const bool linear = columns >= kLinearColumns;
   const double saturated = image.MaxValue();
-  if (!Iterate(b, padded, saturated, simd, edges, linear, kIterations, f)) return out;
+  const auto iterate = IterateFor(edges, linear);
+  BlurPrior prior;
+  if (settings.blur_sigma_px > 0)
+    prior = {settings.start_blur_px, std::pow(settings.noise_sigma / settings.blur_sigma_px, 2)};
+  if (!iterate(b, padded, saturated, prior, simd, kIterations + (edges > 1 ? 2 : 0), edges > 1, f))
+    return out;
   PlaceColumns(b, f.model);
   const double pixel_sigma =
       std::max(settings.noise_sigma, std::sqrt(f.residual2 / std::max(1.0, f.weight - f.parameters)));
@@ -441,7 +457,7 @@ StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<cons
   if (kept < std::max(kMinColumns, columns / 2)) return out;
   if (kept < columns) {
     for (std::size_t i = b.column_start.back(); i < padded; ++i) b.weight[i] = 0;
-    if (!Iterate(b, padded, saturated, simd, edges, linear, 1, f)) return out;
+    if (!iterate(b, padded, saturated, prior, simd, 1, false, f)) return out;
     PlaceColumns(b, f.model);
   }
   double rms2 = 0;
@@ -460,6 +476,7 @@ StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<cons
   }
   out.blur_px = f.model.blur;
   out.num_columns = kept;
+  out.misfit = f.residual2 / (settings.noise_sigma * settings.noise_sigma);
   out.ok = out.blur_px < kMaxBlurPx;
   return out;
 }

@@ -53,6 +53,7 @@ struct StripFit {
   StripEdge edges[2];
   double blur_px = 0;         // lens and pixel: s of the model
   double residual_sigma = 0;  // grey levels
+  double misfit = 0;          // sum of squared residuals over noise_sigma^2
   double rms_px = 0;          // of single columns' places about the line
   int num_columns = 0;
   double from = 0, to = 0;  // along, of the columns that took part
@@ -65,10 +66,11 @@ struct StripBuffers {
 };
 
 struct StripSettings {
-  double reach_px = 4;     // how far pixels are taken on either side
-  double margin_px = 2.5;  // distance to neighbours, and from the ends
-  double noise_sigma = 1;  // grey levels
-  double start_blur_px = 1;
+  double reach_px = 4;       // how far pixels are taken on either side
+  double margin_px = 2.5;    // distance to neighbours, and from the ends
+  double noise_sigma = 1;    // grey levels
+  double start_blur_px = 1;  // lens and pixel
+  double blur_sigma_px = 0;  // how well that is known beforehand; 0: not at all
 };
 
 // `start`: one edge, or two (in order of t). Pixels come from the frame's [from, to].
