@@ -9,7 +9,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr double kReachPx = 4;     // of the strip on either side
+constexpr double kReachPx = 5;     // of the strip on either side
 constexpr double kMarginPx = 2.5;  // an edge of usual blur has reached its levels at this distance
 constexpr double kPairPx = 5.5;    // parallel edges nearer than this are fitted together
 constexpr double kNearPx = kReachPx + kMarginPx + 2;
@@ -198,74 +198,130 @@ struct Attempt {
   int index = 0;  // which of the fit's edges is the segment
 };
 
-StripSettings SettingsFor(const RefineContext& x, const StripFrame& frame, const LineSegment& s,
-                          const KnownBlur& known) {
-  StripSettings settings;
-  settings.reach_px = kReachPx, settings.margin_px = kMarginPx;
-  settings.noise_sigma = NoiseAt(x.noise, x.image, frame.middle);
-  settings.start_blur_px =
-      known.blur_px > 0 ? known.blur_px : std::clamp(std::hypot(s.blur_px, 0.29), 0.6, 2.0);
-  settings.blur_sigma_px = kBlurSpread * known.blur_px;
-  return settings;
+// Corners of two regions at the ends of `s`: lines that it meets with the same levels on both sides.
+struct Corners {
+  StripCorner at[2];
+  std::size_t count = 0;
+  bool dark = false, at_start = false, at_end = false;
+};
+
+// How segment `n` continues `s` round a corner: +1 to the left (bright inside), -1 to the right, 0 not at all.
+int TurnAtCorner(const LineSegment& s, const LineSegment& n, bool at_end) {
+  constexpr double kReachPx = 4;                   // raw ends miss their corner by this at most
+  constexpr double kMinLengthPx = 6;
+  constexpr double kMaxContrastRatio = 1.6;
+  constexpr double kMinSine = 0.35;                // 20 degrees
+  const Vector2d &mine = at_end ? s.ideal_end : s.ideal_start, &its = at_end ? n.ideal_start : n.ideal_end;
+  if ((mine - its).squaredNorm() > 2 * kReachPx * kReachPx || std::max(s.contrast, n.contrast) > kMaxContrastRatio * std::min(s.contrast, n.contrast)) return 0;
+  const Vector2d d = s.ideal_end - s.ideal_start, e = n.ideal_end - n.ideal_start;
+  if (e.norm() < kMinLengthPx) return 0;
+  const double sine = (d.x() * e.y() - d.y() * e.x()) / (d.norm() * e.norm());
+  if (std::abs(sine) < kMinSine) return 0;
+  const Vector2d w = n.ideal_start - mine;
+  const double along = (w.x() * e.y() - w.y() * e.x()) / (sine * e.norm());
+  const Vector2d cross = mine + along * d.normalized();
+  if (std::abs(along) > kReachPx || (cross - its).norm() > kReachPx) return 0;
+  const double turn = at_end ? sine : -sine;  // on the way through the corner
+  return turn < 0 ? 1 : -1;                   // v points down: a turn to the left has a negative sine
 }
 
-Attempt FitWith(const RefineContext& x, const StripFrame& frame, const LineSegment& s,
-                const StripEdge* partner, const StripSettings& settings, RefineBuffers& b) {
-  StripEdge edges[2] = {{0, 0, s.contrast, Eigen::Matrix2d::Zero()}, partner ? *partner : StripEdge{}};
-  Attempt out;
-  if (partner && edges[1].offset < 0) std::swap(edges[0], edges[1]), out.index = 1;
-  out.fit =
-      FitStrip(x.image, frame, std::span(edges, partner ? 2 : 1), b.neighbours, settings, x.simd, b.strip);
+// The corner's line at its place: under a distorting lens the tangent there.
+StripCorner CornerOf(const Intrinsics* lens, const LineSegment& n, bool at_its_start) {
+  const Vector2d d = (n.ideal_end - n.ideal_start).normalized();
+  constexpr double kChordPx = 8;
+  const Vector2d near = at_its_start ? n.ideal_start : Vector2d(n.ideal_end - kChordPx * d);
+  const Vector2d p = ImgOf(lens, near), q = ImgOf(lens, near + kChordPx * d), t = (q - p).normalized();
+  return {p, {t.y(), -t.x()}};
+}
+
+// Finds the corners of `s` among b.nearby and takes their lines out of b.neighbours (`frame` is that of the neighbours).
+Corners FindCorners(const Intrinsics* lens, const LineSegment& s, const std::vector<LineSegment>& all, const StripFrame& frame, RefineBuffers& b) {
+  Corners out;
+  for (const bool at_end : {false, true})
+    for (const auto j : b.nearby) {
+      const int turn = TurnAtCorner(s, all[j], at_end);
+      if (turn == 0 || (out.count > 0 && out.dark != (turn < 0))) continue;
+      out.dark = turn < 0;
+      out.at[out.count++] = CornerOf(lens, all[j], at_end);
+      (at_end ? out.at_end : out.at_start) = true;
+      const Vector2d p = InFrame(frame, all[j].start), q = InFrame(frame, all[j].end);
+      std::erase_if(b.neighbours, [&](const StripNeighbour& n) { return n.from == p && n.to == q; });
+      break;
+    }
   return out;
 }
 
-StripFrame Trimmed(StripFrame frame) {
+StripSettings SettingsFor(const RefineContext& x, const StripFrame& frame, const LineSegment& s, const KnownBlur& known, const Corners& corners) {
+  StripSettings settings;
+  settings.reach_px = kReachPx, settings.margin_px = kMarginPx;
+  settings.noise_sigma = NoiseAt(x.noise, x.image, frame.middle);
+  settings.start_blur_px = known.blur_px > 0 ? known.blur_px : std::clamp(std::hypot(s.blur_px, 0.29), 0.6, 2.0);
+  settings.blur_sigma_px = kBlurSpread * known.blur_px;
+  settings.corners = std::span(corners.at, corners.count);
+  settings.dark_corners = corners.dark;
+  return settings;
+}
+
+Attempt FitWith(const RefineContext& x, const StripFrame& frame, double contrast, const StripEdge* partner, const StripSettings& settings,
+                RefineBuffers& b) {
+  StripEdge edges[2] = {{0, 0, contrast, Eigen::Matrix2d::Zero()}, partner ? *partner : StripEdge{}};
+  Attempt out;
+  if (partner && edges[1].offset < 0) std::swap(edges[0], edges[1]), out.index = 1;
+  out.fit = FitStrip(x.image, frame, std::span(edges, partner ? 2 : 1), b.neighbours, settings, x.simd, b.strip);
+  return out;
+}
+
+StripFrame Trimmed(StripFrame frame, const Corners& corners) {
   const double margin = EndMargin(frame.to - frame.from);
-  frame.from += margin, frame.to -= margin;
+  if (!corners.at_start) frame.from += margin;
+  if (!corners.at_end) frame.to -= margin;
   return frame;
 }
 
-Attempt FirstFit(const RefineContext& x, const StripFrame& frame, const LineSegment& s,
-                 const Surroundings& around, const KnownBlur& known, RefineBuffers& b) {
-  StripSettings settings = SettingsFor(x, frame, s, known);
+Attempt FirstFit(const RefineContext& x, const StripFrame& frame, const LineSegment& s, const Surroundings& around, const KnownBlur& known,
+                 const Corners& corners, RefineBuffers& b) {
+  StripSettings settings = SettingsFor(x, frame, s, known, corners);
   const StripEdge* partner = around.partner >= 0 ? &around.partner_edge : nullptr;
   Attempt out;
   for (const double share : {1.0, 0.6, 0.3}) {
     // Where too little is left between the neighbours, nearer to them; in the end what there is.
     settings.margin_px = share * kMarginPx;
-    out = FitWith(x, frame, s, partner, settings, b);
+    out = FitWith(x, frame, s.contrast, partner, settings, b);
     if (out.fit.ok) break;
   }
   return out;
 }
 
-// An edge that is wider than the lens makes them, or whose pixels fit badly, may have another close beside it
-// that was not found by itself (the side of a thin plate). The best of the places where that may lie, or the
-// fit as it was.
-Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const LineSegment& s,
-                       const KnownBlur& known, const Attempt& single, RefineBuffers& b) {
-  constexpr double kMinGain =
-      25;  // of the sum of squared residuals over their variance, for three or four more parameters
+constexpr double kMaxCoherence = 60;  // twenty bins of t, and texture along the edge may double or treble each
+
+// Pixels that fit badly in the same way all along the edge tell of another one close beside it that was not found by itself
+// (the side of a thin plate). The fit with the best place for it, or the fit as it was.
+Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const LineSegment& s, const KnownBlur& known, const Corners& corners,
+                       const Attempt& single, RefineBuffers& b) {
+  constexpr double kMinGain = 25;  // of the sum of squared residuals over their variance, for three or four more parameters
   constexpr double kMinHiddenShare = 0.05;
-  const StripSettings settings = SettingsFor(x, frame, s, known);
+  constexpr double kEnoughColumns = 40;  // to choose the place by
+  StripSettings settings = SettingsFor(x, frame, s, known, corners);
   Attempt best = single;
-  double best_misfit = single.fit.ok ? single.fit.residual_sigma * single.fit.residual_sigma : 1e300;
-  for (const double place : {2.2, -2.2, 3.8, -3.8}) {
-    const StripEdge hidden{place, 0, 0, Eigen::Matrix2d::Zero()};
-    Attempt two = FitWith(x, frame, s, &hidden, settings, b);
+  double best_variance = single.fit.ok ? single.fit.residual_sigma * single.fit.residual_sigma : 1e300;
+  const int step = std::max(1, static_cast<int>((frame.to - frame.from) / kEnoughColumns));
+  for (const double place : {2.8, -2.8}) {
+    const StripEdge start{place, 0, 0, Eigen::Matrix2d::Zero()};
+    settings.column_step = step;
+    Attempt two = FitWith(x, frame, s.contrast, &start, settings, b);
+    if (two.fit.ok && step > 1) {
+      const StripEdge hidden = two.fit.edges[1 - two.index];
+      settings.column_step = 1;
+      two = FitWith(x, frame, s.contrast, &hidden, settings, b);
+    }
     if (!two.fit.ok) continue;
     const StripEdge &main = two.fit.edges[two.index], &other = two.fit.edges[1 - two.index];
+    const double variance = two.fit.residual_sigma * two.fit.residual_sigma, pixels = 2 * settings.reach_px * two.fit.num_columns;
     if (std::abs(main.offset) > std::abs(other.offset) || !Passes(two.fit, main, frame, s.contrast, false) ||
-        std::abs(other.contrast) < kMinHiddenShare * main.contrast ||
-        std::abs(main.offset - other.offset) < settings.start_blur_px)
+        std::abs(other.contrast) < kMinHiddenShare * main.contrast || std::abs(main.offset - other.offset) < settings.start_blur_px)
       continue;
-    const double variance = two.fit.residual_sigma * two.fit.residual_sigma;
-    if (variance >= best_misfit) continue;
-    const double pixels = 2 * settings.reach_px * two.fit.num_columns;
-    if (single.fit.ok &&
-        pixels * (single.fit.residual_sigma * single.fit.residual_sigma / variance - 1) < kMinGain)
-      continue;
-    best_misfit = variance, best = two;
+    if (variance >= best_variance || (single.fit.ok && pixels * (best_variance / variance - 1) < kMinGain)) continue;
+    best_variance = variance, best = two;
   }
   return best;
 }
@@ -295,37 +351,36 @@ void RefinePlaces(const RefineContext& x, std::vector<LineSegment>& segments, Re
   b.before = segments;
   const Grid grid = BuildGrid(x.image, b.before, b);
   b.sound.assign(segments.size(), 0);
-  b.residual.assign(segments.size(), 1e9f);
+  b.coherence.assign(segments.size(), 1e9f);
   KnownBlur known;
   for (const int pass : {0, 1}) {
     for (std::size_t i = 0; i < segments.size(); ++i) {
       if (b.sound[i]) continue;
       const LineSegment& raw = b.before[i];
-      const StripFrame whole = FrameOf(x.lens, raw), frame = Trimmed(whole);
+      const StripFrame whole = FrameOf(x.lens, raw);
       FindNearby(grid, b.before, i, kNearPx, b);
-      const Surroundings around = Survey(frame, b.before, b);
-      Attempt attempt = FirstFit(x, frame, raw, around, known, b);
-      const bool fits =
-          Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, around.partner >= 0);
-      if (pass == 1 && around.partner < 0) {
-        if (!fits) attempt.fit.ok = false;
-        attempt = WithHiddenEdge(x, frame, raw, known, attempt, b);
+      const Surroundings around = Survey(whole, b.before, b);
+      const Corners corners = FindCorners(x.lens, raw, b.before, whole, b);
+      const StripFrame frame = Trimmed(whole, corners);
+      Attempt attempt = FirstFit(x, frame, raw, around, known, corners, b);
+      const bool fits = Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, around.partner >= 0);
+      if (pass == 1 && around.partner < 0 && (!fits || attempt.fit.coherence > kMaxCoherence)) {
+        attempt.fit.ok = fits;
+        attempt = WithHiddenEdge(x, frame, raw, known, corners, attempt, b);
       }
       segments[i] = raw;
       if (!Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, around.partner >= 0))
         continue;
       Apply(x.lens, whole, attempt.fit, attempt.fit.edges[attempt.index], segments[i]);
-      b.residual[i] = static_cast<float>(attempt.fit.residual_sigma);
+      b.coherence[i] = static_cast<float>(attempt.fit.coherence);
     }
     if (pass == 1) break;
     known = BlurOf(x, segments, b.strip.sorted);
     if (known.blur_px == 0) break;
-    constexpr double kUsual = 1.2, kMaxResidual = 1.25;
+    constexpr double kUsual = 1.2;  // a blur within this factor of the lens's needs no second look
     for (std::size_t i = 0; i < segments.size(); ++i) {
       const double blur = std::hypot(segments[i].blur_px, 0.28867513);
-      b.sound[i] = blur < kUsual * known.blur_px && blur > known.blur_px / kUsual &&
-                   b.residual[i] <
-                       kMaxResidual * NoiseAt(x.noise, x.image, 0.5 * (segments[i].start + segments[i].end));
+      b.sound[i] = blur < kUsual * known.blur_px && blur > known.blur_px / kUsual && b.coherence[i] < kMaxCoherence;
     }
   }
 }
@@ -423,6 +478,35 @@ void MarkBorders(const GreyView& image, LineSegment& s) {
   if (!Inside(image, s.end, kBorderPx)) s.end_kind = SegmentEnd::kBorder;
 }
 
+// Whether `s` tells of the same edge as the longer `o`: the same polarity, lying along it.
+bool Repeats(const LineSegment& s, const LineSegment& o) {
+  constexpr double kMinCosine = 0.9, kMaxBlurs = 1.3, kMinDistancePx = 1.0, kOvershootPx = 3;
+  const Vector2d d = s.ideal_end - s.ideal_start, e = o.ideal_end - o.ideal_start;
+  const double length = e.norm();
+  if (d.squaredNorm() >= e.squaredNorm() || d.dot(e) < kMinCosine * d.norm() * length) return false;
+  const double limit = std::max(kMinDistancePx, kMaxBlurs * std::hypot(o.blur_px, 0.29));
+  for (const Vector2d& p : {s.ideal_start, s.ideal_end}) {
+    const Vector2d w = p - o.ideal_start;
+    const double along = w.dot(e) / length;
+    if (std::abs(w.x() * e.y() - w.y() * e.x()) > limit * length || along < -kOvershootPx || along > length + kOvershootPx) return false;
+  }
+  return true;
+}
+
+void DropRepeated(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {
+  const Grid grid = BuildGrid(x.image, segments, b);
+  b.sound.assign(segments.size(), 1);
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    FindNearby(grid, segments, i, kNearPx, b);
+    for (const auto j : b.nearby)
+      if (Repeats(segments[i], segments[j])) b.sound[i] = 0;
+  }
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < segments.size(); ++i)
+    if (b.sound[i]) segments[kept++] = segments[i];
+  segments.resize(kept);
+}
+
 }  // namespace
 
 void RefineEnds(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {
@@ -435,6 +519,7 @@ void RefineEnds(const RefineContext& x, std::vector<LineSegment>& segments, Refi
     SetEnd(x.lens, s, false, start);
     SetEnd(x.lens, s, true, end);
   }
+  DropRepeated(x, segments, b);
   b.before = segments;
   const Grid grid = BuildGrid(x.image, b.before, b);
   for (std::size_t i = 0; i < segments.size(); ++i) {

@@ -21,8 +21,8 @@ struct RefineBuffers {
   std::vector<LineSegment> before;
   std::vector<std::uint32_t> cell_start, cell_items, nearby, seen;
   std::uint32_t stamp = 0;
-  std::vector<char> sound;      // needs no second fit
-  std::vector<float> residual;  // grey levels, of the fit
+  std::vector<char> sound;       // needs no second fit
+  std::vector<float> coherence;  // of the fit's residuals
 };
 
 // Moves every segment to the place of maximum likelihood, with covariance, contrast and blur. A segment whose

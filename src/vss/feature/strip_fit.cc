@@ -112,13 +112,28 @@ void TakePixels(const GreyView& image, const StripFrame& f, std::span<const Stri
   const int size = steep ? image.height : image.width;
   const int begin = std::max(0, static_cast<int>(std::floor(low - spare))),
             end = std::min(size - 1, static_cast<int>(std::ceil(high + spare)));
-  for (int major = begin; major <= end; ++major) {
+  for (int major = begin; major <= end; major += settings.column_step) {
     if (image.bits == 8)
       TakeColumn<std::uint8_t>(image, f, steep, major, neighbours, settings, side_px, window, b);
     else
       TakeColumn<std::uint16_t>(image, f, steep, major, neighbours, settings, side_px, window, b);
   }
   b.weight.assign(b.grey.size(), 1.0f);
+}
+
+// How much of the edge is left at each pixel: 1 but near the corners.
+void FillCorners(const StripFrame& f, const StripSettings& settings, StripBuffers& b) {
+  b.corner.assign(b.grey.size(), 1.0f);
+  constexpr double kFar = 4;  // blurs
+  for (const auto& c : settings.corners) {
+    const Vector2d side = settings.dark_corners ? Vector2d(-c.bright) : c.bright;
+    const double along = side.dot(f.along), across = side.dot(f.across), at = side.dot(f.middle - c.point);
+    for (std::size_t i = 0; i < b.grey.size(); ++i) {
+      const double a = b.along[i], t = b.across[i] + f.Sag(a);
+      const double depth = (at + a * along + t * across) / settings.start_blur_px;
+      if (depth < kFar) b.corner[i] *= depth < -kFar ? 0.0f : static_cast<float>(0.5 * std::erfc(-depth * M_SQRT1_2));
+    }
+  }
 }
 
 // ---- normal equations ----
@@ -158,21 +173,28 @@ struct Sums {
   double h[P][P], g[P], residual2, weight;
 };
 
+// The pixels as the sums see them.
+struct Samples {
+  const float *along, *across, *grey, *weight, *corner;
+  std::size_t count;  // a multiple of kLanes
+  bool dark_corners;
+  float saturated;
+};
+
 template <int kEdges, bool kLinear>
-[[gnu::always_inline]] inline void Accumulate(const float* along, const float* across, const float* grey,
-                                              const float* weight, std::size_t count, const Model& m,
-                                              float saturated, Sums<NumParameters<kEdges, kLinear>()>& out) {
+[[gnu::always_inline]] inline void Accumulate(const Samples& in, const Model& m, Sums<NumParameters<kEdges, kLinear>()>& out) {
   constexpr int P = NumParameters<kEdges, kLinear>();
   Floats h[P * (P + 1) / 2], g[P], residual2{}, total{};
   for (auto& x : h) x = Floats{};
   for (auto& x : g) x = Floats{};
   const float inverse_blur = 1.0f / m.blur;
-  for (std::size_t i = 0; i < count; i += kLanes) {
-    Floats a, t, y, w;
-    __builtin_memcpy(&a, along + i, sizeof a);
-    __builtin_memcpy(&t, across + i, sizeof t);
-    __builtin_memcpy(&y, grey + i, sizeof y);
-    __builtin_memcpy(&w, weight + i, sizeof w);
+  for (std::size_t i = 0; i < in.count; i += kLanes) {
+    Floats a, t, y, w, left;
+    __builtin_memcpy(&a, in.along + i, sizeof a);
+    __builtin_memcpy(&t, in.across + i, sizeof t);
+    __builtin_memcpy(&y, in.grey + i, sizeof y);
+    __builtin_memcpy(&w, in.weight + i, sizeof w);
+    __builtin_memcpy(&left, in.corner + i, sizeof left);
     Floats j[P];
     Floats model = m.level[0] + m.level[1] * a;
     Floats blur_derivative{};
@@ -190,10 +212,11 @@ template <int kEdges, bool kLinear>
       const Floats tail =
           bell * k *
           (0.31938153f + k * (-0.356563782f + k * (1.781477937f + k * (-1.821255978f + k * 1.330274429f))));
-      const Floats phi = x < 0.0f ? tail : 1.0f - tail;
+      const Floats whole = x < 0.0f ? tail : 1.0f - tail;
+      const Floats phi = in.dark_corners ? 1.0f - (1.0f - whole) * left : whole * left;
       const Floats c = m.contrast[e] + m.contrast_slope[e] * a;
       model = model + c * phi;
-      const Floats by_place = c * bell * -inverse_blur;
+      const Floats by_place = c * bell * left * -inverse_blur;
       j[2 * e] = by_place;
       j[2 * e + 1] = by_place * a;
       blur_derivative = blur_derivative + by_place * x;
@@ -203,7 +226,7 @@ template <int kEdges, bool kLinear>
       for (int e = 0; e <= kEdges; ++e) j[at++] = j[2 * kEdges + e] * a;
     j[P - 1] = blur_derivative;
     // A saturated pixel tells only that the light was not less.
-    w = (y >= saturated) & (model >= saturated) ? Floats{} : w;
+    w = (y >= in.saturated) & (model >= in.saturated) ? Floats{} : w;
     const Floats r = y - model, wr = w * r;
     residual2 = residual2 + wr * r;
     total = total + w;
@@ -231,13 +254,9 @@ template <int kEdges, bool kLinear>
 template <int kEdges, bool kLinear>
 struct Normal {
   using Out = Sums<NumParameters<kEdges, kLinear>()>;
-  using Function = void (*)(const float*, const float*, const float*, const float*, std::size_t, const Model&,
-                            float, Out&);
-#define VSS_ACCUMULATE(NAME, ATTRIBUTE)                                                                     \
-  ATTRIBUTE static void NAME(const float* a, const float* t, const float* y, const float* w, std::size_t n, \
-                             const Model& m, float s, Out& out) {                                           \
-    Accumulate<kEdges, kLinear>(a, t, y, w, n, m, s, out);                                                  \
-  }
+  using Function = void (*)(const Samples&, const Model&, Out&);
+#define VSS_ACCUMULATE(NAME, ATTRIBUTE) \
+  ATTRIBUTE static void NAME(const Samples& in, const Model& m, Out& out) { Accumulate<kEdges, kLinear>(in, m, out); }
   VSS_ACCUMULATE(Portable, )
 #if defined(__x86_64__)
   VSS_ACCUMULATE(Avx2, __attribute__((target("avx2"))))
@@ -290,8 +309,7 @@ bool Solve(const Sums<P>& s, bool levels_only, int places, Eigen::Matrix<double,
 }
 
 template <int kEdges, bool kLinear>
-bool Iterate(const StripBuffers& b, std::size_t padded, double saturated, const BlurPrior& prior, Simd simd,
-             int iterations, bool levels_first, Fitted& f) {
+bool Iterate(const Samples& samples, const BlurPrior& prior, Simd simd, int iterations, bool levels_first, Fitted& f) {
   constexpr int P = NumParameters<kEdges, kLinear>();
   const auto accumulate = Normal<kEdges, kLinear>::Choose(simd);
   Sums<P> sums;
@@ -299,8 +317,7 @@ bool Iterate(const StripBuffers& b, std::size_t padded, double saturated, const 
   Eigen::Matrix<double, P, P> information;
   constexpr double kMaxStepPx = 1.0;
   for (int i = 0; i <= iterations; ++i) {
-    accumulate(b.along.data(), b.across.data(), b.grey.data(), b.weight.data(), padded, f.model,
-               static_cast<float>(saturated), sums);
+    accumulate(samples, f.model, sums);
     sums.h[P - 1][P - 1] += prior.weight;
     sums.g[P - 1] += prior.weight * (prior.blur - f.model.blur);
     if (!Solve<P>(sums, levels_first && i == 0, 2 * kEdges, step, information)) return false;
@@ -333,8 +350,7 @@ bool Iterate(const StripBuffers& b, std::size_t padded, double saturated, const 
   return f.covariance.allFinite();
 }
 
-using IterateFunction = bool (*)(const StripBuffers&, std::size_t, double, const BlurPrior&, Simd, int, bool,
-                                 Fitted&);
+using IterateFunction = bool (*)(const Samples&, const BlurPrior&, Simd, int, bool, Fitted&);
 
 IterateFunction IterateFor(int edges, bool linear) {
   if (edges == 1) return linear ? IterateFunction(Iterate<1, true>) : IterateFunction(Iterate<1, false>);
@@ -347,26 +363,52 @@ float MedianOf(std::vector<float>& values) {
   return *middle;
 }
 
-// Each column's own place about the line (px), of the first edge: one step of its matched filter.
-void PlaceColumns(StripBuffers& b, const Model& m) {
+struct PixelModel {
+  double residual, by_place;  // of the first edge
+};
+
+PixelModel ModelAt(const StripBuffers& b, const Model& m, bool dark_corners, std::size_t i) {
+  const double a = b.along[i], left = b.corner[i];
+  PixelModel out{b.grey[i] - m.level[0] - m.level[1] * a, 0};
+  for (int e = 0; e < 2; ++e) {
+    const double contrast = m.contrast[e] + m.contrast_slope[e] * a;
+    if (contrast == 0) continue;
+    const double x = (b.across[i] - m.offset[e] - m.slope[e] * a) / m.blur;
+    const double whole = 0.5 * std::erfc(-x * M_SQRT1_2);
+    out.residual -= contrast * (dark_corners ? 1 - (1 - whole) * left : whole * left);
+    if (e == 0) out.by_place = -contrast * left * std::exp(-0.5 * x * x) * (0.3989422804 / m.blur);
+  }
+  return out;
+}
+
+// Each column's own place about the line (px), of the first edge: one step of its matched filter. And the coherence of the
+// residuals: their sums over the columns at equal t, squared, over what noise of this size would give.
+double PlaceColumns(StripBuffers& b, const Model& m, bool dark_corners, double low) {
+  constexpr int kBins = 32;
+  constexpr double kBinPx = 0.5;
+  constexpr double kMinShare = 0.3;  // of the information of the best column; a corner takes it from others
+  double bin[kBins] = {}, count[kBins] = {}, total = 0, pixels = 0, most = 0;
   b.column_place.clear();
+  b.sorted.clear();
   for (std::size_t c = 0; c + 1 < b.column_start.size(); ++c) {
     double numerator = 0, denominator = 0;
     for (auto i = b.column_start[c]; i < b.column_start[c + 1]; ++i) {
-      const double a = b.along[i];
-      double model = m.level[0] + m.level[1] * a, derivative = 0;
-      for (int e = 0; e < 2; ++e) {
-        const double contrast = m.contrast[e] + m.contrast_slope[e] * a;
-        if (contrast == 0) continue;
-        const double x = (b.across[i] - m.offset[e] - m.slope[e] * a) / m.blur;
-        model += contrast * 0.5 * std::erfc(-x * M_SQRT1_2);
-        if (e == 0) derivative = -contrast * std::exp(-0.5 * x * x) * (0.3989422804 / m.blur);
-      }
-      numerator += derivative * (b.grey[i] - model);
-      denominator += derivative * derivative;
+      const PixelModel p = ModelAt(b, m, dark_corners, i);
+      numerator += p.by_place * p.residual;
+      denominator += p.by_place * p.by_place;
+      const int k = std::clamp(static_cast<int>((b.across[i] - low) / kBinPx), 0, kBins - 1);
+      bin[k] += p.residual, count[k] += 1, total += p.residual * p.residual, pixels += 1;
     }
     b.column_place.push_back(denominator > 0 ? static_cast<float>(numerator / denominator) : 0.0f);
+    b.sorted.push_back(static_cast<float>(denominator));
+    most = std::max(most, denominator);
   }
+  for (std::size_t c = 0; c < b.column_place.size(); ++c)
+    if (b.sorted[c] < kMinShare * most) b.column_place[c] = 0;
+  double coherence = 0;
+  for (int k = 0; k < kBins; ++k)
+    if (count[k] > 0) coherence += bin[k] * bin[k] / count[k];
+  return total > 0 ? coherence / (total / pixels) : 0;
 }
 
 // Gives columns that lie off (a scratch, a crossing) no weight; how many remain.
@@ -436,19 +478,21 @@ StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<cons
   const double half = std::max({std::abs(b.column_along.front()), std::abs(b.column_along.back()), 1.0f});
   Fitted f;
   f.model = StartModel(start, b, half, settings.start_blur_px);
+  FillCorners(frame, settings, b);
   for (auto& a : b.along) a = static_cast<float>(a / half);
   const std::size_t padded = (b.grey.size() + kLanes - 1) / kLanes * kLanes;
-  for (auto* v : {&b.along, &b.across, &b.grey, &b.weight}) v->resize(padded, 0.0f);
+  for (auto* v : {&b.along, &b.across, &b.grey, &b.weight, &b.corner}) v->resize(padded, 0.0f);
   constexpr int kLinearColumns = 24;  // fewer columns cannot tell a slope of the levels from noise
   const bool linear = columns >= kLinearColumns;
-  const double saturated = image.MaxValue();
+  const Samples samples{b.along.data(), b.across.data(), b.grey.data(), b.weight.data(), b.corner.data(), padded, settings.dark_corners,
+                        static_cast<float>(image.MaxValue())};
   const auto iterate = IterateFor(edges, linear);
   BlurPrior prior;
   if (settings.blur_sigma_px > 0)
     prior = {settings.start_blur_px, std::pow(settings.noise_sigma / settings.blur_sigma_px, 2)};
-  if (!iterate(b, padded, saturated, prior, simd, kIterations + (edges > 1 ? 2 : 0), edges > 1, f))
+  if (!iterate(samples, prior, simd, kIterations + (edges > 1 ? 2 : 0), edges > 1, f))
     return out;
-  PlaceColumns(b, f.model);
+  out.coherence = PlaceColumns(b, f.model, settings.dark_corners, window.low);
   const double pixel_sigma =
       std::max(settings.noise_sigma, std::sqrt(f.residual2 / std::max(1.0, f.weight - f.parameters)));
   const double column_sigma = pixel_sigma * std::sqrt(2 * std::sqrt(M_PI) * f.model.blur) /
@@ -457,8 +501,8 @@ StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<cons
   if (kept < std::max(kMinColumns, columns / 2)) return out;
   if (kept < columns) {
     for (std::size_t i = b.column_start.back(); i < padded; ++i) b.weight[i] = 0;
-    if (!iterate(b, padded, saturated, prior, simd, 1, false, f)) return out;
-    PlaceColumns(b, f.model);
+    if (!iterate(samples, prior, simd, 1, false, f)) return out;
+    out.coherence = PlaceColumns(b, f.model, settings.dark_corners, window.low);
   }
   double rms2 = 0;
   out.from = b.column_along.front(), out.to = b.column_along.back();
@@ -476,7 +520,6 @@ StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<cons
   }
   out.blur_px = f.model.blur;
   out.num_columns = kept;
-  out.misfit = f.residual2 / (settings.noise_sigma * settings.noise_sigma);
   out.ok = out.blur_px < kMaxBlurPx;
   return out;
 }

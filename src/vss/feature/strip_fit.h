@@ -42,6 +42,12 @@ struct StripNeighbour {
   Eigen::Vector2d from = {0, 0}, to = {0, 0};  // (a, t)
 };
 
+// A line that the edge meets at a corner of its two regions, both with the same levels: behind it the edge is
+// no more.
+struct StripCorner {
+  Eigen::Vector2d point = {0, 0}, bright = {0, 0};  // (img) on the line; unit vector towards its bright side
+};
+
 struct StripEdge {
   double offset = 0, slope = 0;                          // t = offset + slope a
   double contrast = 0;                                   // positive: bright where t is larger
@@ -53,14 +59,15 @@ struct StripFit {
   StripEdge edges[2];
   double blur_px = 0;         // lens and pixel: s of the model
   double residual_sigma = 0;  // grey levels
-  double misfit = 0;          // sum of squared residuals over noise_sigma^2
-  double rms_px = 0;          // of single columns' places about the line
+  double coherence =
+      0;              // what the residuals' means at equal t have over noise: about 20 where the model holds
+  double rms_px = 0;  // of single columns' places about the line
   int num_columns = 0;
   double from = 0, to = 0;  // along, of the columns that took part
 };
 
 struct StripBuffers {
-  std::vector<float> along, across, grey, weight;  // per pixel
+  std::vector<float> along, across, grey, weight, corner;  // per pixel
   std::vector<std::uint32_t> column_start;
   std::vector<float> column_place, column_along, sorted;
 };
@@ -71,6 +78,10 @@ struct StripSettings {
   double noise_sigma = 1;    // grey levels
   double start_blur_px = 1;  // lens and pixel
   double blur_sigma_px = 0;  // how well that is known beforehand; 0: not at all
+  int column_step = 1;       // every so many columns take part
+  // Corners at the ends, all of them bright inside (convex for the bright side) or all dark inside.
+  std::span<const StripCorner> corners = {};
+  bool dark_corners = false;
 };
 
 // `start`: one edge, or two (in order of t). Pixels come from the frame's [from, to].
