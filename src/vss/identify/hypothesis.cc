@@ -62,7 +62,7 @@ struct CircleTarget {
 
 // Adds what edges on lines and circles on circles demand of `object`.
 double AddTargets(const PlacedObject& object, std::span<const EdgeTarget> edges,
-                  std::span<const CircleTarget> circles, Normal& normal) {
+                  std::span<const CircleTarget> circles, Normal& normal, bool ends = true) {
   constexpr double kAcrossMm = 1.0, kAlongMm = 10.0;  // an edge's ends are known less well than its place
   const WorldSolid solid = PlaceSolid(object);
   double worst = 0;
@@ -77,6 +77,7 @@ double AddTargets(const PlacedObject& object, std::span<const EdgeTarget> edges,
         normal.Add(across.transpose() * v->by_state, r, 1 / (kAcrossMm * kAcrossMm));
         worst = std::max(worst, std::abs(r));
       }
+      if (!ends) continue;
       const double r = t.unit.dot(v->point - t.point) - (v == &first ? t.lo : t.hi);
       normal.Add(t.unit.transpose() * v->by_state, r, 1 / (kAlongMm * kAlongMm));
     }
@@ -132,14 +133,14 @@ class Seeder {
         -10;  // with every open dimension as usual: the seed's own edges are not there
     h.views = ViewsThatSee(PlaceSolid(h.object, false), context_.scene.views, context_.max_views);
     if (h.views.empty()) return {};
-    if (!kind_.rims.empty() && !kind_.pairs.empty()) CompleteRims(h, h.views);
+    if (!kind_.rims.empty() && !kind_.pairs.empty() && !CompleteRims(h, h.views)) return {};
     if (Score(h.object, h.views) < kHopeless) return {};
     std::vector<Hypothesis> out;
     for (const PlacedObject& object : CompleteDimensions(h)) {
       Hypothesis candidate = h;
       candidate.object = object;
-      if (RefineAndWeigh(candidate, context_) && candidate.log_odds >= min_log_odds)
-        out.push_back(std::move(candidate));
+      RefineAndWeigh(candidate, context_);
+      if (candidate.log_odds >= min_log_odds) out.push_back(std::move(candidate));
     }
     return out;
   }
@@ -212,10 +213,43 @@ class Seeder {
                         (pair.same_extent ? lo : eb.first) - shift,
                         (pair.same_extent ? hi : eb.second) - shift,
                         (flip == 1) != (second.dot(first) < 0)};
+          if (pair.same_extent && !inclined && !EndsSeen(ta, tb)) continue;
           const EdgeTarget targets[] = {ta, tb};
           Seed(yaw, (a.start + a.end) / 2, targets, {});
         }
     }
+  }
+
+  // The face's two other sides, between the ends of its long ones: where they are long enough to be found and
+  // lie in some picture, lines must lie on at least one of them, and on a part of the other unless it is
+  // hidden.
+  bool EndsSeen(const EdgeTarget& a, const EdgeTarget& b) const {
+    constexpr double kMinLengthPx = 16, kMinShare = 0.25;
+    constexpr int kSteps = 6;
+    double best = 0;
+    bool asked = false;
+    for (int end = 0; end < 2; ++end) {
+      const Vector3d p = a.point + (end ? a.hi : a.lo) * a.unit, q = b.point + (end ? b.hi : b.lo) * b.unit;
+      if ((q - p).norm() < kMinLengthPx * context_.mm_per_px) continue;
+      int inside = 0, found = 0;
+      for (std::size_t v = 0; v < context_.scene.views.size(); ++v) {
+        const View& view = context_.scene.views[v];
+        for (int k = 0; k < kSteps; ++k) {
+          const Vector3d x = p + (q - p) * ((k + 0.5) / kSteps);
+          if (!view.ProjectInside(x)) continue;
+          const auto here = view.ProjectIdeal(x), ahead = view.ProjectIdeal(x + (q - p) * 1e-3);
+          if (!here || !ahead) continue;
+          ++inside;
+          found += context_.scene.lines[v]
+                       .Nearest(*here, (*ahead - *here).normalized(), 2 * context_.scene.tolerance_px, 0.99)
+                       .line >= 0;
+        }
+      }
+      if (inside < kSteps) continue;  // never in a picture: nothing can be said
+      asked = true;
+      best = std::max(best, double(found) / inside);
+    }
+    return !asked || best >= kMinShare;
   }
 
   void FromRims() {
@@ -266,10 +300,20 @@ class Seeder {
     Hypothesis h;
     h.object = o;
     h.determined.resize(defs.size());
+    // Ends of slanted edges are hidden more often than not: what they alone tell stays open.
+    const bool trust_ends = edges.empty() || std::abs(edges[0].unit.z()) < 0.05;
+    Normal fixed(n);
+    AddTargets(o, edges, circles, fixed, trust_ends);
+    if (!trust_ends) covariance = Covariance(fixed.ata, defs);
     for (std::size_t i = 0; i < defs.size(); ++i) {
       h.object.dimensions_mm[i] = std::clamp(o.dimensions_mm[i], defs[i].min_mm, defs[i].max_mm);
       h.determined[i] =
           std::sqrt(covariance(kPlacementSize + int(i), kPlacementSize + int(i))) < 0.2 * PriorSigma(defs[i]);
+    }
+    h.open_direction = OpenDirections(fixed.ata, h.determined);
+    if (!trust_ends || std::all_of(h.determined.begin(), h.determined.end(), [](bool d) { return d; })) {
+      Store(std::move(h));
+      return;
     }
     // Re-ask the usual dimensions, now that some are known.
     std::vector<std::optional<double>> known(defs.size());
@@ -277,11 +321,56 @@ class Seeder {
       if (h.determined[i]) known[i] = h.object.dimensions_mm[i];
     const auto usual = h.object.model->UsualDimensions(known);
     for (std::size_t i = 0; i < defs.size(); ++i)
-      if (!h.determined[i]) h.object.dimensions_mm[i] = usual[i];
+      if (!h.determined[i]) Move(h.object, h.open_direction, i, usual[i]);
+    Store(std::move(h));
+  }
+
+  // Sets an open dimension; the rest of the state follows so that the seed's edges stay where they are.
+  static void Move(PlacedObject& o, const Eigen::MatrixXd& directions, std::size_t d, double value) {
+    o.SetState(o.State() + (value - o.dimensions_mm[d]) * directions.col(int(d)));
+  }
+
+  void Store(Hypothesis h) {
     if (!Allowed(h.object)) return;
     for (const auto& other : seeds_)
       if (SamePlace(other.object, h.object)) return;
     seeds_.push_back(std::move(h));
+  }
+
+  Eigen::MatrixXd Covariance(Eigen::MatrixXd information, std::span<const DimensionDef> defs) const {
+    for (std::size_t i = 0; i < defs.size(); ++i)
+      information(kPlacementSize + int(i), kPlacementSize + int(i)) += 1 / std::pow(PriorSigma(defs[i]), 2);
+    for (int held : {2, 3, 4, 5}) {
+      information.row(held).setZero();
+      information.col(held).setZero();
+      information(held, held) = 1;
+    }
+    information.diagonal().array() += 1e-9;
+    return information.inverse();
+  }
+
+  static Eigen::MatrixXd OpenDirections(const Eigen::MatrixXd& information,
+                                        const std::vector<bool>& determined) {
+    const int n = int(information.rows());
+    std::vector<int> follow{0, 1};
+    for (std::size_t d = 0; d < determined.size(); ++d)
+      if (determined[d]) follow.push_back(kPlacementSize + int(d));
+    const int m = int(follow.size());
+    Eigen::MatrixXd a(m, m), out = Eigen::MatrixXd::Zero(n, int(determined.size()));
+    for (int i = 0; i < m; ++i)
+      for (int k = 0; k < m; ++k) a(i, k) = information(follow[std::size_t(i)], follow[std::size_t(k)]);
+    a.diagonal().array() += 1e-9;
+    const Eigen::LDLT<Eigen::MatrixXd> solver(a);
+    for (std::size_t d = 0; d < determined.size(); ++d) {
+      if (determined[d]) continue;
+      const int column = kPlacementSize + int(d);
+      Eigen::VectorXd b(m);
+      for (int i = 0; i < m; ++i) b[i] = -information(follow[std::size_t(i)], column);
+      const Eigen::VectorXd x = solver.solve(b);
+      for (int i = 0; i < m; ++i) out(follow[std::size_t(i)], int(d)) = x[i];
+      out(column, int(d)) = 1;
+    }
+    return out;
   }
 
   static double PriorSigma(const DimensionDef& d) { return std::max(10.0, (d.max_mm - d.min_mm) / 4); }
@@ -305,22 +394,22 @@ class Seeder {
 
   double Score(const PlacedObject& o, const std::vector<int>& views) const {
     return Weigh(PlaceSolid(o, false), views, context_.scene,
-                 {.spacing_px = 10, .prior_log_odds = PriorLogOdds(o, context_.mm_per_px)})
+                 {.spacing_px = 10, .prior_log_odds = PriorLogOdds(o, context_.mm_per_px)}, context_.others)
         .log_odds;
   }
 
   // Candidates for dimension `d` from the lines of all pictures: values at which predicted contours meet
   // lines.
-  std::vector<double> Vote(const PlacedObject& o, std::size_t d, const std::vector<int>& views) const {
+  std::vector<double> Vote(const PlacedObject& o, std::size_t d, const Hypothesis& seed) const {
     const auto& def = o.model->dimensions()[d];
-    const int column = kPlacementSize + int(d);
+    const Eigen::VectorXd direction = seed.open_direction.col(int(d));
     const WorldSolid solid = PlaceSolid(o);
     std::vector<std::pair<double, double>> votes;  // value, weight
-    for (int v : views) {
+    for (int v : seed.views) {
       const View& view = context_.scene.views[std::size_t(v)];
       const auto& lines = context_.scene.lines[std::size_t(v)].lines();
       for (const auto& s : SampleContour(solid, view, 12, 2)) {
-        const Vector3d motion = SampleByState(solid, s).col(column);
+        const Vector3d motion = SampleByState(solid, s) * direction;
         if (motion.squaredNorm() < 1e-4) continue;
         const auto ahead = view.ProjectIdeal(s.point_in_world + motion);
         if (!ahead) continue;
@@ -361,11 +450,12 @@ class Seeder {
   }
 
   // A rim whose place the seed left open, from the world's circles at its height.
-  void CompleteRims(Hypothesis& h, const std::vector<int>& views) const {
+  // False where there is none: the object is then a simpler one.
+  bool CompleteRims(Hypothesis& h, const std::vector<int>& views) const {
     const WorldSolid solid = PlaceSolid(h.object);
-    double best_score = Score(h.object, views);
+    double best_score = -INFINITY;
     PlacedObject best = h.object;
-    bool found = false;
+    bool found = false, any_open = false;
     for (int rim : kind_.rims) {
       const auto& c = solid.circles[std::size_t(rim)];
       bool open = false;
@@ -373,6 +463,7 @@ class Seeder {
         open |= !h.determined[d] && (c.radius_by_state[kPlacementSize + int(d)] != 0 ||
                                      c.center.by_state.col(kPlacementSize + int(d)).norm() > 0);
       if (!open) continue;
+      any_open = true;
       for (const auto& w : context_.circles) {
         if (std::abs(w.center.z() - c.center.point.z()) > 3 * context_.mm_per_px) continue;
         PlacedObject o = h.object;
@@ -402,7 +493,7 @@ class Seeder {
         }
       }
     }
-    if (!found) return;
+    if (!found) return !any_open;
     h.object = best;
     for (std::size_t d = 0; d < h.determined.size(); ++d)
       for (int rim : kind_.rims) {
@@ -411,6 +502,7 @@ class Seeder {
             c.center.by_state.col(kPlacementSize + int(d)).norm() > 0)
           h.determined[d] = true;
       }
+    return true;
   }
 
   // Dimensions that the seed left open, one after the other, the best few combinations kept (beam search).
@@ -423,9 +515,9 @@ class Seeder {
         if (h.determined[d]) continue;
         auto next = beam;
         for (const auto& [score, object] : beam)
-          for (double candidate : Vote(object, d, h.views)) {
+          for (double candidate : Vote(object, d, h)) {
             PlacedObject o = object;
-            o.dimensions_mm[d] = candidate;
+            Move(o, h.open_direction, d, candidate);
             const bool known = std::any_of(next.begin(), next.end(), [&](const auto& n) {
               return (n.second.State() - o.State()).cwiseAbs().maxCoeff() < 0.3 * context_.mm_per_px;
             });
@@ -512,26 +604,24 @@ std::vector<Hypothesis> Complete(const KindTemplate& kind, const SeedContext& co
   return Seeder(kind, context, seed.object.placement[2]).Finish(seed, min_log_odds);
 }
 
-bool RefineAndWeigh(Hypothesis& h, const SeedContext& context, const Occluders* others,
-                    const Claims* claims) {
+void RefineAndWeigh(Hypothesis& h, const SeedContext& context) {
   std::vector<bool> free(std::size_t(h.object.StateSize()), true);
   free[2] = free[4] = free[5] = false;
   auto weigh = [&](const PlacedObject& object) {
     const WeighOptions options{.prior_log_odds = PriorLogOdds(object, context.mm_per_px)};
-    return Weigh(PlaceSolid(object, false), h.views, context.scene, options, others, claims).log_odds;
+    return Weigh(PlaceSolid(object, false), h.views, context.scene, options, context.others).log_odds;
   };
   const double tolerance = context.scene.tolerance_px;
   PlacedObject fitted = h.object;
-  FitToLines(fitted, h.views, context.scene, free, 2 * tolerance, tolerance, 6, others);
+  FitToLines(fitted, h.views, context.scene, free, 2 * tolerance, tolerance, 6, context.others);
   const bool stayed =
       (fitted.placement.head<2>() - h.object.placement.head<2>()).norm() < 30 * context.mm_per_px;
   h.log_odds = weigh(h.object);
-  if (!stayed || !Allowed(fitted)) return true;
+  if (!stayed || !Allowed(fitted)) return;
   const double after = weigh(fitted);
-  if (after < h.log_odds) return true;
+  if (after < h.log_odds) return;
   h.log_odds = after;
   h.object = fitted;
-  return true;
 }
 
 }  // namespace vss

@@ -20,7 +20,9 @@ struct Hypothesis {
   double log_odds = 0;
   std::vector<int> views;
   std::vector<bool> determined;  // per dimension
-  int support = -1;  // index of the hypothesis' support in a list that the caller keeps; -1: ground
+  Eigen::MatrixXd
+      open_direction;  // column d: how the state moves with an open dimension d so that the seed's edges stay
+  int support = -1;    // index of the hypothesis' support in a list that the caller keeps; -1: ground
 };
 
 // An object in one resting pose, prepared for seeding.
@@ -42,7 +44,8 @@ struct SeedContext {
   std::span<const WorldLine> lines;
   std::span<const WorldCircle> circles;
   double mm_per_px = 1;  // typical size of a pixel in the scene
-  int max_views = 12;    // per weighing
+  int max_views = 14;    // per weighing
+  const Occluders* others = nullptr;  // parts that are known already
 };
 
 // Seeds of one template on a support at height `support_z_mm`: placed, with the dimensions that the seed
@@ -53,8 +56,7 @@ std::vector<Hypothesis> Seeds(const KindTemplate& kind, const SeedContext& conte
 std::vector<Hypothesis> Complete(const KindTemplate& kind, const SeedContext& context, const Hypothesis& seed,
                                  double min_log_odds);
 
-// Fits `object` to the lines (z and tilt held), weighs it. False where the fit runs away.
-bool RefineAndWeigh(Hypothesis& hypothesis, const SeedContext& context, const Occluders* others = nullptr,
-                    const Claims* claims = nullptr);
+// Fits the object to the lines (z and tilt held) where that explains more, and weighs it.
+void RefineAndWeigh(Hypothesis& hypothesis, const SeedContext& context);
 
 }  // namespace vss

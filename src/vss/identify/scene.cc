@@ -232,6 +232,17 @@ class SceneSolver {
     accepted_ = accepted;
   }
 
+  // A line; of an arc all of it.
+  void ClaimLine(int v, int line, Claims& claims) const {
+    auto& claimed = claims[std::size_t(v)];
+    const auto& lines = scene_.lines[std::size_t(v)].lines();
+    const int arc = lines[std::size_t(line)].arc;
+    claimed[std::size_t(line)] = true;
+    if (arc < 0) return;
+    for (std::size_t k = std::size_t(scene_.lines[std::size_t(v)].num_segments()); k < lines.size(); ++k)
+      if (lines[k].arc == arc) claimed[k] = true;
+  }
+
   void Claim(const Item& item, Claims& claims) const {
     const WorldSolid solid = PlaceSolid(item.h.object, false);
     for (int v : ViewsThatSee(solid, views_, int(views_.size())))
@@ -239,7 +250,7 @@ class SceneSolver {
         if (!s.visible) continue;
         const LineHit hit =
             scene_.lines[std::size_t(v)].Nearest(s.ideal, s.ideal_tangent, scene_.tolerance_px, 0.9962);
-        if (hit.line >= 0) claims[std::size_t(v)][std::size_t(hit.line)] = true;
+        if (hit.line >= 0) ClaimLine(v, hit.line, claims);
       }
   }
 

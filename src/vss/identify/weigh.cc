@@ -23,11 +23,13 @@ constexpr double kDetectContact = 0.35;
 constexpr double kMinChance = 0.04;
 // Samples closer than this along a contour stand or fall together: one line covers them.
 constexpr double kIndependentPx = 25;
-constexpr double kMaxIndependent = 4;
+constexpr double kFullIndependent = 4;  // so many count fully, further ones by their logarithm
 // Directions of a predicted contour and its line may differ by this.
 constexpr double kMinCosine = 0.9962;  // 5 degrees
 // Two contours nearer than this in the picture may come out as one line.
 constexpr double kResolvePx = 2.5;
+// And nearer than this the weaker is lost beside the stronger more often than not.
+constexpr double kCrowdedPx = 5;
 
 int Bin(const Vector2d& tangent) {
   double a = std::atan2(tangent.y(), tangent.x());
@@ -201,15 +203,57 @@ void Share(const std::vector<Hit>& hits, std::span<const ContourSample> samples,
     }
 }
 
+// For each contour the distance (px) of the nearest other visible contour that runs beside it.
+std::vector<double> NearestParallel(std::span<const ContourSample> samples, const Numbering& numbering) {
+  std::vector<double> nearest(std::size_t(numbering.total), 1e9);
+  struct Middle {
+    int contour;
+    const ContourSample *first, *last;
+  };
+  std::vector<Middle> runs;
+  for (const auto& s : samples) {
+    if (!s.visible) continue;
+    if (runs.empty() || runs.back().contour != numbering.Of(s)) runs.push_back({numbering.Of(s), &s, &s});
+    runs.back().last = &s;
+  }
+  for (const auto& a : runs) {
+    const Vector2d middle = (a.first->ideal + a.last->ideal) / 2;
+    const Vector2d along = a.first->ideal_tangent;
+    for (const auto& b : runs) {
+      if (a.contour == b.contour || std::abs(along.dot(b.first->ideal_tangent)) < kMinCosine) continue;
+      const double s0 = (b.first->ideal - middle).dot(along), s1 = (b.last->ideal - middle).dot(along);
+      const double half = std::abs((a.last->ideal - middle).dot(along));
+      if (std::min(std::max(s0, s1), half) < std::max(std::min(s0, s1), -half)) continue;
+      const double distance = std::abs((b.first->ideal - middle).dot(Vector2d(-along.y(), along.x())));
+      nearest[std::size_t(a.contour)] = std::min(nearest[std::size_t(a.contour)], distance);
+    }
+  }
+  return nearest;
+}
+
 }  // namespace
 
 double PriorLogOdds(const PlacedObject& object, double mm_per_px) {
   constexpr double kPerDimension = 4;     // half the logarithm of some 3000 px of contour (BIC)
   constexpr double kUnseenDimension = 5;  // smaller than a pixel: the pictures cannot show it
   constexpr double kOtherPose = 6;        // parts mostly lie as their knowledge base says first
+  constexpr double kFlatPx = 2,
+                   kFlat = 40;  // what is hardly higher than a pixel may be paint, a shadow or a cable
   double prior = object.resting_pose > 0 ? -kOtherPose : 0;
   for (double d : object.dimensions_mm)
     prior -= kPerDimension + (std::abs(d) < mm_per_px ? kUnseenDimension : 0);
+  const Solid solid = object.model->InstantiateUnchecked(object.dimensions_mm);
+  const Eigen::RowVector3d up =
+      object.model->resting_poses()[static_cast<std::size_t>(object.resting_pose)].rested_from_part.row(2);
+  double low = INFINITY, high = -INFINITY;
+  auto reach = [&](const Vector3d& p) {
+    low = std::min(low, up.dot(p));
+    high = std::max(high, up.dot(p));
+  };
+  for (const auto& v : solid.vertices) reach(v.point_in_part);
+  for (const auto& c : solid.circles) reach(c.center.point_in_part);
+  const double height_px = (high - low) / mm_per_px;
+  if (height_px < kFlatPx) prior -= kFlat * (kFlatPx - height_px);
   return prior;
 }
 
@@ -250,6 +294,7 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
                       (s.ideal - l.start).dot(l.direction)});
     }
     Share(hits, samples, lost);
+    const std::vector<double> crowded = NearestParallel(samples, numbering);
     std::size_t next_hit = 0;
     for (std::size_t i = 0; i < samples.size(); ++i) {
       const auto& s = samples[i];
@@ -264,6 +309,7 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
       t.chance += scene.ChanceHit(v, s.ideal_tangent);
       if (line >= 0 && claims && (*claims)[std::size_t(v)][std::size_t(line)]) continue;
       if (lost[i] == 1) continue;
+      if (line < 0 && crowded[std::size_t(numbering.Of(s))] < kResolvePx) continue;
       ++t.open;
       if (line >= 0 && lost[i] == 0) ++t.supported;
     }
@@ -282,8 +328,11 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
       probe.source = numbering.SourceOf(k);
       probe.index = numbering.IndexOf(k);
       const double chance = t.chance / t.visible;
-      const double detect = std::max(DetectOf(solid, probe.source, probe.index, lowest_z), chance + 0.05);
-      const double independent = std::min(kMaxIndependent, px / kIndependentPx);
+      const double alone = DetectOf(solid, probe.source, probe.index, lowest_z);
+      const double detect = std::max(crowded[std::size_t(k)] < kCrowdedPx ? std::min(alone, kDetectWeak) : alone, chance + 0.05);
+      const double pieces = px / kIndependentPx;
+      const double independent =
+          pieces < kFullIndependent ? pieces : kFullIndependent * (1 + std::log(pieces / kFullIndependent));
       sums[std::size_t(k)].log_odds +=
           WeightOf(solid, probe) * independent *
           (share * std::log(detect / chance) + (1 - share) * std::log((1 - detect) / (1 - chance)));
