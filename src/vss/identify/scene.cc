@@ -55,6 +55,7 @@ class SceneSolver {
     const WorldLineOptions line_options{scene_.tolerance_px, -20 * mm_per_px_, options_.max_height_mm};
     progress_.Report("world lines", 0, 1);
     lines_ = FindWorldLines(views_, scene_.lines, line_options, threads_, progress_);
+    scene_.SetWorldLines(lines_);
     circles_ = FindWorldCircles(views_, line_options);
     progress_.Report("world lines", 1, 1);
     if (progress_.Cancelled()) return Cancelled();
@@ -212,10 +213,9 @@ class SceneSolver {
         others.Add(PlaceSolid(items_[std::size_t(k)].h.object, false), k);
         Claim(items_[std::size_t(k)], after);
       }
-      const double now =
-          Weigh(PlaceSolid(item.h.object, false), item.h.views, scene_,
-                {.prior_log_odds = PriorLogOdds(item.h.object, scene_.mm_per_px)}, &others, &after)
-              .log_odds;
+      const Evidence left = Weigh(PlaceSolid(item.h.object, false), item.h.views, scene_,
+                                  {.prior_log_odds = PriorLogOdds(item.h.object, scene_.mm_per_px)}, &others, &after);
+      const double now = std::min(left.log_odds, left.elevated_log_odds);
       if (now < options_.accept_log_odds) continue;
       if (now < old_score - 1e-9 && !queue.empty() && now < queue.front().first) {
         queue.push_back({now, i});
@@ -248,8 +248,7 @@ class SceneSolver {
     for (int v : ViewsThatSee(solid, views_, int(views_.size())))
       for (const auto& s : SampleContour(solid, views_[std::size_t(v)], 6, 3)) {
         if (!s.visible) continue;
-        const LineHit hit =
-            scene_.lines[std::size_t(v)].Nearest(s.ideal, s.ideal_tangent, scene_.tolerance_px, 0.9962);
+        const LineHit hit = scene_.Match(v, s, scene_.tolerance_px, 0.9962);
         if (hit.line >= 0) ClaimLine(v, hit.line, claims);
       }
   }

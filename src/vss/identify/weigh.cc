@@ -26,6 +26,8 @@ constexpr double kIndependentPx = 25;
 constexpr double kFullIndependent = 4;  // so many count fully, further ones by their logarithm
 // Directions of a predicted contour and its line may differ by this.
 constexpr double kMinCosine = 0.9962;  // 5 degrees
+// A contour is clear of its support from this height on, in pixels' size.
+constexpr double kElevatedPx = 1.5;
 // Two contours nearer than this in the picture may come out as one line.
 constexpr double kResolvePx = 2.5;
 // And nearer than this the weaker is lost beside the stronger more often than not.
@@ -44,6 +46,13 @@ Eigen::Matrix<double, 2, 3> IdealByWorld(const View& view, const Vector3d& point
   j << k.fx_px / p.z(), 0, -k.fx_px * p.x() / (p.z() * p.z()), 0, k.fy_px / p.z(),
       -k.fy_px * p.y() / (p.z() * p.z());
   return j * view.cam_from_world.rotation;
+}
+
+double TopOf(const WorldSolid& solid, ContourSample::Source source, int index) {
+  if (source == ContourSample::Source::kLimb) return INFINITY;
+  if (source == ContourSample::Source::kCircle) return solid.circles[static_cast<std::size_t>(index)].center.point.z();
+  const auto& e = solid.edges[static_cast<std::size_t>(index)];
+  return std::max(solid.vertices[static_cast<std::size_t>(e.start)].point.z(), solid.vertices[static_cast<std::size_t>(e.end)].point.z());
 }
 
 // How often a contour that is there is found.
@@ -73,6 +82,30 @@ double SceneIndex::ChanceHit(int view, const Vector2d& tangent) const {
   return std::clamp(
       density[static_cast<std::size_t>(view)][static_cast<std::size_t>(Bin(tangent))] * 2 * tolerance_px,
       kMinChance, 0.5);
+}
+
+void SceneIndex::SetWorldLines(std::span<const WorldLine> all) {
+  constexpr int kEstablishedViews = 4;  // two pictures always meet somewhere, a third may by chance
+  world_lines.clear();
+  world_of_line.assign(views.size(), {});
+  for (std::size_t v = 0; v < views.size(); ++v) world_of_line[v].assign(lines[v].lines().size(), -1);
+  for (const auto& l : all) {
+    if (l.num_views < kEstablishedViews) continue;
+    for (const auto& r : l.lines) world_of_line[static_cast<std::size_t>(r.view)][static_cast<std::size_t>(r.line)] = static_cast<int>(world_lines.size());
+    world_lines.push_back(l);
+  }
+}
+
+LineHit SceneIndex::Match(int view, const ContourSample& sample, double reach_px, double min_cosine) const {
+  constexpr double kWorldReachPx = 2.5;  // how far (in pixels' size) a world line may be from the contour that it is taken for
+  LineHit hit = lines[static_cast<std::size_t>(view)].Nearest(sample.ideal, sample.ideal_tangent, reach_px, min_cosine);
+  if (hit.line < 0 || world_of_line.empty()) return hit;
+  const int w = world_of_line[static_cast<std::size_t>(view)][static_cast<std::size_t>(hit.line)];
+  if (w < 0) return hit;
+  const WorldLine& l = world_lines[static_cast<std::size_t>(w)];
+  const Vector3d d = l.Unit(), offset = sample.point_in_world - l.start;
+  const double reach_mm = mm_per_px * (kWorldReachPx + reach_px - tolerance_px);
+  return (offset - d * d.dot(offset)).norm() > reach_mm ? LineHit{} : hit;
 }
 
 SceneIndex MakeSceneIndex(std::span<const View> views, double tolerance_px, int threads) {
@@ -235,8 +268,8 @@ std::vector<double> NearestParallel(std::span<const ContourSample> samples, cons
 
 double PriorLogOdds(const PlacedObject& object, double mm_per_px) {
   constexpr double kPerDimension = 4;     // half the logarithm of some 3000 px of contour (BIC)
-  constexpr double kUnseenDimension = 5;  // smaller than a pixel: the pictures cannot show it
-  constexpr double kOtherPose = 6;        // parts mostly lie as their knowledge base says first
+  constexpr double kUnseenDimension = 20;  // smaller than a pixel: the pictures cannot show it
+  constexpr double kOtherPose = 20;       // parts mostly lie as their knowledge base says first
   constexpr double kFlatPx = 2,
                    kFlat = 40;  // what is hardly higher than a pixel may be paint, a shadow or a cable
   double prior = object.resting_pose > 0 ? -kOtherPose : 0;
@@ -287,7 +320,7 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
     for (std::size_t i = 0; i < samples.size(); ++i) {
       const auto& s = samples[i];
       if (!s.visible || WeightOf(solid, s) <= 0) continue;
-      const LineHit hit = index.Nearest(s.ideal, s.ideal_tangent, scene.tolerance_px, kMinCosine);
+      const LineHit hit = scene.Match(v, s, scene.tolerance_px, kMinCosine);
       if (hit.line < 0) continue;
       const auto& l = index.lines()[std::size_t(hit.line)];
       hits.push_back({numbering.Of(s), hit.line, int(i), std::abs(hit.distance_px),
@@ -364,11 +397,13 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
     const Sum& sum = sums[std::size_t(k)];
     if (sum.votes > 0) e.log_odds = sum.log_odds / std::sqrt(double(e.views));
     out.log_odds += e.log_odds;
+    if (TopOf(solid, e.source, e.index) > lowest_z + kElevatedPx * scene.mm_per_px) out.elevated_log_odds += e.log_odds;
     out.visible_px += e.visible_px;
     out.supported_px += e.supported_px;
     out.edges.push_back(e);
   }
   out.log_odds += options.prior_log_odds;
+  out.elevated_log_odds += options.prior_log_odds;
   return out;
 }
 
@@ -399,7 +434,7 @@ FitToLinesResult FitToLines(PlacedObject& object, std::span<const int> views, co
       for (std::size_t i = 0; i < samples.size(); ++i) {
         const auto& s = samples[i];
         if (!s.visible) continue;
-        const LineHit hit = index.Nearest(s.ideal, s.ideal_tangent, reach, 0.99);
+        const LineHit hit = scene.Match(v, s, reach, 0.99);
         if (hit.line < 0) continue;
         const auto& l = index.lines()[std::size_t(hit.line)];
         hits.push_back({numbering.Of(s), hit.line, int(i), std::abs(hit.distance_px),

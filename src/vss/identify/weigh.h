@@ -7,6 +7,7 @@
 #include "vss/identify/contour.h"
 #include "vss/identify/evidence.h"
 #include "vss/identify/line_index.h"
+#include "vss/identify/world_line.h"
 
 namespace vss {
 
@@ -18,6 +19,14 @@ struct SceneIndex {
       density;  // per view and direction bin: chance that some line lies within 1 px of a point, per px
   double tolerance_px = 1.5;
   double mm_per_px = 1;  // typical size of a pixel in the scene
+
+  // Lines that are known to be one edge of the world speak only for contours at that place. By view and line: index
+  // into `world_lines`, or -1.
+  std::vector<std::vector<int>> world_of_line;
+  std::vector<WorldLine> world_lines;
+  void SetWorldLines(std::span<const WorldLine> lines);
+  // The nearest line that may be the contour sample's image.
+  LineHit Match(int view, const ContourSample& sample, double reach_px, double min_cosine) const;
 
   static constexpr int kDirectionBins = 18;
   double ChanceHit(int view, const Eigen::Vector2d& tangent) const;
@@ -38,6 +47,7 @@ struct EdgeEvidence {
 };
 
 struct Evidence {
+  double elevated_log_odds = 0;  // of contours clearly above the support: paint and shadows have none
   double log_odds = 0;  // natural logarithm, for "there is this object" against "chance"
   double visible_px = 0, supported_px = 0;
   int views = 0;  // that see part of its contour
