@@ -609,7 +609,8 @@ void RefineAndWeigh(Hypothesis& h, const SeedContext& context) {
   free[2] = free[4] = free[5] = false;
   auto weigh = [&](const PlacedObject& object) {
     const WeighOptions options{.prior_log_odds = PriorLogOdds(object, context.mm_per_px)};
-    const Evidence evidence = Weigh(PlaceSolid(object, false), h.views, context.scene, options, context.others);
+    const Evidence evidence =
+        Weigh(PlaceSolid(object, false), h.views, context.scene, options, context.others);
     return std::min(evidence.log_odds, evidence.elevated_log_odds);
   };
   const double tolerance = context.scene.tolerance_px;

@@ -43,8 +43,8 @@ struct SeedContext {
   const SceneIndex& scene;
   std::span<const WorldLine> lines;
   std::span<const WorldCircle> circles;
-  double mm_per_px = 1;  // typical size of a pixel in the scene
-  int max_views = 14;    // per weighing
+  double mm_per_px = 1;               // typical size of a pixel in the scene
+  int max_views = 14;                 // per weighing
   const Occluders* others = nullptr;  // parts that are known already
 };
 

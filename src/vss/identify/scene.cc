@@ -213,8 +213,9 @@ class SceneSolver {
         others.Add(PlaceSolid(items_[std::size_t(k)].h.object, false), k);
         Claim(items_[std::size_t(k)], after);
       }
-      const Evidence left = Weigh(PlaceSolid(item.h.object, false), item.h.views, scene_,
-                                  {.prior_log_odds = PriorLogOdds(item.h.object, scene_.mm_per_px)}, &others, &after);
+      const Evidence left =
+          Weigh(PlaceSolid(item.h.object, false), item.h.views, scene_,
+                {.prior_log_odds = PriorLogOdds(item.h.object, scene_.mm_per_px)}, &others, &after);
       const double now = std::min(left.log_odds, left.elevated_log_odds);
       if (now < options_.accept_log_odds) continue;
       if (now < old_score - 1e-9 && !queue.empty() && now < queue.front().first) {

@@ -26,10 +26,13 @@ constexpr double kIndependentPx = 25;
 constexpr double kFullIndependent = 4;  // so many count fully, further ones by their logarithm
 // Directions of a predicted contour and its line may differ by this.
 constexpr double kMinCosine = 0.9962;  // 5 degrees
+// A line speaks for a contour so far beyond its own ends.
+constexpr double kEndSlackPx = 0.5;
 // A contour is clear of its support from this height on, in pixels' size.
 constexpr double kElevatedPx = 1.5;
 // Two contours nearer than this in the picture may come out as one line.
 constexpr double kResolvePx = 2.5;
+constexpr double kDetectUnresolved = 0.3;
 // And nearer than this the weaker is lost beside the stronger more often than not.
 constexpr double kCrowdedPx = 5;
 
@@ -50,9 +53,11 @@ Eigen::Matrix<double, 2, 3> IdealByWorld(const View& view, const Vector3d& point
 
 double TopOf(const WorldSolid& solid, ContourSample::Source source, int index) {
   if (source == ContourSample::Source::kLimb) return INFINITY;
-  if (source == ContourSample::Source::kCircle) return solid.circles[static_cast<std::size_t>(index)].center.point.z();
+  if (source == ContourSample::Source::kCircle)
+    return solid.circles[static_cast<std::size_t>(index)].center.point.z();
   const auto& e = solid.edges[static_cast<std::size_t>(index)];
-  return std::max(solid.vertices[static_cast<std::size_t>(e.start)].point.z(), solid.vertices[static_cast<std::size_t>(e.end)].point.z());
+  return std::max(solid.vertices[static_cast<std::size_t>(e.start)].point.z(),
+                  solid.vertices[static_cast<std::size_t>(e.end)].point.z());
 }
 
 // How often a contour that is there is found.
@@ -85,27 +90,32 @@ double SceneIndex::ChanceHit(int view, const Vector2d& tangent) const {
 }
 
 void SceneIndex::SetWorldLines(std::span<const WorldLine> all) {
-  constexpr int kEstablishedViews = 4;  // two pictures always meet somewhere, a third may by chance
+  constexpr int kEstablishedViews = 4;      // two pictures always meet somewhere, a third may by chance
+  constexpr double kEstablishedRms = 0.35;  // of the tolerance: more is a mixture of two edges
   world_lines.clear();
   world_of_line.assign(views.size(), {});
   for (std::size_t v = 0; v < views.size(); ++v) world_of_line[v].assign(lines[v].lines().size(), -1);
   for (const auto& l : all) {
-    if (l.num_views < kEstablishedViews) continue;
-    for (const auto& r : l.lines) world_of_line[static_cast<std::size_t>(r.view)][static_cast<std::size_t>(r.line)] = static_cast<int>(world_lines.size());
+    if (l.num_views < kEstablishedViews || l.rms_px > kEstablishedRms * tolerance_px) continue;
+    for (const auto& r : l.lines)
+      world_of_line[static_cast<std::size_t>(r.view)][static_cast<std::size_t>(r.line)] =
+          static_cast<int>(world_lines.size());
     world_lines.push_back(l);
   }
 }
 
 LineHit SceneIndex::Match(int view, const ContourSample& sample, double reach_px, double min_cosine) const {
-  constexpr double kWorldReachPx = 2.5;  // how far (in pixels' size) a world line may be from the contour that it is taken for
-  LineHit hit = lines[static_cast<std::size_t>(view)].Nearest(sample.ideal, sample.ideal_tangent, reach_px, min_cosine);
+  constexpr double kWorldReach =
+      1.25;  // times the reach: how far the contour may be from the edge in all its pictures
+  LineHit hit = lines[static_cast<std::size_t>(view)].Nearest(sample.ideal, sample.ideal_tangent, reach_px,
+                                                              min_cosine, kEndSlackPx);
   if (hit.line < 0 || world_of_line.empty()) return hit;
   const int w = world_of_line[static_cast<std::size_t>(view)][static_cast<std::size_t>(hit.line)];
   if (w < 0) return hit;
   const WorldLine& l = world_lines[static_cast<std::size_t>(w)];
-  const Vector3d d = l.Unit(), offset = sample.point_in_world - l.start;
-  const double reach_mm = mm_per_px * (kWorldReachPx + reach_px - tolerance_px);
-  return (offset - d * d.dot(offset)).norm() > reach_mm ? LineHit{} : hit;
+  const Vector3d d = l.Unit(), along = sample.point_in_world - l.start, offset = along - d * d.dot(along);
+  const double allowed_px = kWorldReach * reach_px;
+  return offset.dot(l.px2_per_mm2 * offset) > allowed_px * allowed_px ? LineHit{} : hit;
 }
 
 SceneIndex MakeSceneIndex(std::span<const View> views, double tolerance_px, int threads) {
@@ -267,9 +277,9 @@ std::vector<double> NearestParallel(std::span<const ContourSample> samples, cons
 }  // namespace
 
 double PriorLogOdds(const PlacedObject& object, double mm_per_px) {
-  constexpr double kPerDimension = 4;     // half the logarithm of some 3000 px of contour (BIC)
+  constexpr double kPerDimension = 4;      // half the logarithm of some 3000 px of contour (BIC)
   constexpr double kUnseenDimension = 20;  // smaller than a pixel: the pictures cannot show it
-  constexpr double kOtherPose = 20;       // parts mostly lie as their knowledge base says first
+  constexpr double kOtherPose = 20;        // parts mostly lie as their knowledge base says first
   constexpr double kFlatPx = 2,
                    kFlat = 40;  // what is hardly higher than a pixel may be paint, a shadow or a cable
   double prior = object.resting_pose > 0 ? -kOtherPose : 0;
@@ -341,8 +351,6 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
                       : options.spacing_px / 2;
       t.chance += scene.ChanceHit(v, s.ideal_tangent);
       if (line >= 0 && claims && (*claims)[std::size_t(v)][std::size_t(line)]) continue;
-      if (lost[i] == 1) continue;
-      if (line < 0 && crowded[std::size_t(numbering.Of(s))] < kResolvePx) continue;
       ++t.open;
       if (line >= 0 && lost[i] == 0) ++t.supported;
     }
@@ -362,7 +370,11 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
       probe.index = numbering.IndexOf(k);
       const double chance = t.chance / t.visible;
       const double alone = DetectOf(solid, probe.source, probe.index, lowest_z);
-      const double detect = std::max(crowded[std::size_t(k)] < kCrowdedPx ? std::min(alone, kDetectWeak) : alone, chance + 0.05);
+      const double beside = crowded[std::size_t(k)];
+      const double detect = std::max(std::min(alone, beside < kResolvePx   ? kDetectUnresolved
+                                                     : beside < kCrowdedPx ? kDetectWeak
+                                                                           : 1.0),
+                                     chance + 0.05);
       const double pieces = px / kIndependentPx;
       const double independent =
           pieces < kFullIndependent ? pieces : kFullIndependent * (1 + std::log(pieces / kFullIndependent));
@@ -397,7 +409,8 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
     const Sum& sum = sums[std::size_t(k)];
     if (sum.votes > 0) e.log_odds = sum.log_odds / std::sqrt(double(e.views));
     out.log_odds += e.log_odds;
-    if (TopOf(solid, e.source, e.index) > lowest_z + kElevatedPx * scene.mm_per_px) out.elevated_log_odds += e.log_odds;
+    if (TopOf(solid, e.source, e.index) > lowest_z + kElevatedPx * scene.mm_per_px)
+      out.elevated_log_odds += e.log_odds;
     out.visible_px += e.visible_px;
     out.supported_px += e.supported_px;
     out.edges.push_back(e);

@@ -20,8 +20,8 @@ struct SceneIndex {
   double tolerance_px = 1.5;
   double mm_per_px = 1;  // typical size of a pixel in the scene
 
-  // Lines that are known to be one edge of the world speak only for contours at that place. By view and line: index
-  // into `world_lines`, or -1.
+  // Lines that are known to be one edge of the world speak only for contours at that place. By view and line:
+  // index into `world_lines`, or -1.
   std::vector<std::vector<int>> world_of_line;
   std::vector<WorldLine> world_lines;
   void SetWorldLines(std::span<const WorldLine> lines);
@@ -48,7 +48,7 @@ struct EdgeEvidence {
 
 struct Evidence {
   double elevated_log_odds = 0;  // of contours clearly above the support: paint and shadows have none
-  double log_odds = 0;  // natural logarithm, for "there is this object" against "chance"
+  double log_odds = 0;           // natural logarithm, for "there is this object" against "chance"
   double visible_px = 0, supported_px = 0;
   int views = 0;  // that see part of its contour
   std::vector<EdgeEvidence> edges;

@@ -151,6 +151,17 @@ class Finder {
     c.num_stops = int(stops.size());
   }
 
+  Eigen::Matrix3d Sensitivity(const Candidate& c) const {
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+    for (const auto& r : c.support) {
+      const View& view = views_[std::size_t(r.view)];
+      const double px_per_mm = view.camera->intrinsics.fx_px /
+                               std::max(1.0, ((c.start + c.end) / 2 - view.center_in_world).norm());
+      sum += px_per_mm * px_per_mm * LineOf(r).plane_normal * LineOf(r).plane_normal.transpose();
+    }
+    return sum / double(c.support.size());
+  }
+
   double Rms(const Candidate& c) const {
     double sum = 0;
     for (const auto& r : c.support) sum += std::pow(DistancePx(r, c.start, c.end), 2);
@@ -398,7 +409,7 @@ std::vector<WorldLine> FindWorldLines(std::span<const View> views, std::span<con
       return std::pair(a.view, a.line) < std::pair(b.view, b.line);
     });
     for (const LineRef& r : c.support) claimed[std::size_t(r.view)][std::size_t(r.line)] = true;
-    out.push_back({c.kind, c.start, c.end, c.support, c.num_views, c.num_stops, rms});
+    out.push_back({c.kind, c.start, c.end, c.support, c.num_views, c.num_stops, rms, finder.Sensitivity(c)});
   }
   return out;
 }

@@ -27,6 +27,9 @@ struct WorldLine {
   std::vector<LineRef> lines;  // sorted
   int num_views = 0, num_stops = 0;
   double rms_px = 0;
+  // How an offset of the line by d (mm) shows in its pictures: mean squared distance = d^T * px2_per_mm2 * d
+  // (px^2).
+  Eigen::Matrix3d px2_per_mm2 = Eigen::Matrix3d::Zero();
 
   Eigen::Vector3d Unit() const { return (end - start).normalized(); }
   double Length() const { return (end - start).norm(); }
