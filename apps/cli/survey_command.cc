@@ -42,6 +42,7 @@ void PrintJson(const Survey& survey, const SurveyOutcome& outcome, const OutputF
 }
 
 Status RunSurveyCommand(const SurveyArguments& arguments, const Common& common) {
+  const Progress progress = MakeProgress(common);
   std::optional<std::filesystem::path> cameras;
   if (!arguments.cameras.empty()) cameras = arguments.cameras;
   VSS_ASSIGN(const Survey survey, ReadSurvey(arguments.folder, cameras));
@@ -50,7 +51,6 @@ Status RunSurveyCommand(const SurveyArguments& arguments, const Common& common) 
   for (const auto& [name, value] : settings) VSS_RETURN_IF_ERROR(SetSurveyParameter(name, value, options));
   options.threads = common.threads;
   VSS_ASSIGN(OutputFolder out, OutputFolder::Open(arguments.out));
-  const Progress progress = MakeProgress(common);
   VSS_ASSIGN(const SurveyOutcome outcome, RunSurvey(survey, options, progress));
   VSS_RETURN_IF_ERROR(AddSurveyFiles(survey, options, outcome, progress, out));
   VSS_RETURN_IF_ERROR(out.Commit());

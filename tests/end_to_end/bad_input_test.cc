@@ -163,7 +163,8 @@ TEST(BadInput, SmallSurveyIsSoundBeforeItIsSpoilt) {
 TEST(BadInput, CtrlCStopsWithNothingWritten) {
   const Scratch scratch;
   const Outcome run = RunProgram(
-      scratch, {"survey", kSample.string(), "-o", (scratch / "out").string(), "--progress", "none"}, 0.4);
+      scratch, {"survey", kSample.string(), "-o", (scratch / "out").string(), "--progress", "plain"},
+      "lines:");
   EXPECT_EQ(run.exit_code, 1) << run.err;
   EXPECT_THAT(run.err, HasSubstr("stopped before the end; nothing was written"));
   EXPECT_FALSE(fs::exists(scratch / "out"));

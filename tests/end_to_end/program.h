@@ -45,9 +45,10 @@ class Scratch {
   std::filesystem::path path_;
 };
 
-// Runs build/bin/vss with `arguments`. `interrupt_after_s` > 0: sends it SIGINT after that time.
+// Runs build/bin/vss with `arguments`. `interrupt_at` not empty: sends it SIGINT once that stands in its
+// stderr.
 inline Outcome RunProgram(const Scratch& scratch, const std::vector<std::string>& arguments,
-                          double interrupt_after_s = 0) {
+                          const std::string& interrupt_at = "") {
   const std::string out = (scratch / "stdout.txt").string(), err = (scratch / "stderr.txt").string();
   const pid_t child = ::fork();
   if (child == 0) {
@@ -58,8 +59,10 @@ inline Outcome RunProgram(const Scratch& scratch, const std::vector<std::string>
     ::execv(VSS_PROGRAM, argv.data());
     ::_exit(127);
   }
-  if (interrupt_after_s > 0) {
-    std::this_thread::sleep_for(std::chrono::duration<double>(interrupt_after_s));
+  if (!interrupt_at.empty()) {
+    constexpr int kPatience = 6000;  // times 10 ms
+    for (int i = 0; i < kPatience && ReadAll(err).find(interrupt_at) == std::string::npos; ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
     ::kill(child, SIGINT);
   }
   int status = 0;

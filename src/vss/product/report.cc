@@ -90,7 +90,8 @@ std::string PartRow(const Part& part, int index) {
                                     ? fmt::format("<br><span class=\"sig\">next: {} {:.1f}</span>",
                                                   Escaped(part.runner_up->kind), part.runner_up->log_odds)
                                     : "";
-  const auto& p = part.world_from_part.translation;
+  const Eigen::Vector3d p = part.world_from_part.translation.unaryExpr(
+      [](double mm) { return std::round(10 * mm) / 10 + 0.0; });  // what is shown, without a -0.0
   return fmt::format(
       "<tr><td>{}<b>{}</b></td><td>{}{}</td><td class=\"n\">{:.1f}, {:.1f}, {:.1f}<br><span "
       "class=\"sig\">yaw {:.2f}&deg;</span></td><td><div class=\"dims\">{}</div></td>"

@@ -9,7 +9,7 @@ inline constexpr char kReportStyle[] = R"css(
 body{margin:0;background:var(--back);color:var(--ink);font:15px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",sans-serif;font-variant-numeric:tabular-nums}
 header{background:#101a26;color:#fff;padding:26px 0 30px}
 header p{margin:2px 0 0;color:#a9b9c9}
-main,header>div{max-width:1240px;margin:0 auto;padding:0 24px}
+main,header>div{max-width:1400px;margin:0 auto;padding:0 24px}
 h1{font-size:27px;margin:0;font-weight:650;letter-spacing:-.01em}
 h2{font-size:19px;margin:38px 0 12px;font-weight:650}
 .tiles{display:grid;grid-template-columns:repeat(auto-fit,minmax(128px,1fr));gap:12px;margin-top:-16px}
@@ -22,6 +22,7 @@ table{border-collapse:collapse;width:100%;font-size:14px}
 th{text-align:left;color:var(--mute);font-weight:600;font-size:12.5px;padding:6px 10px;border-bottom:1px solid var(--line);white-space:nowrap}
 td{padding:8px 10px;border-bottom:1px solid var(--line);vertical-align:top}
 tr:last-child>td{border-bottom:0}
+td:first-child{white-space:nowrap}
 td.n,th.n{text-align:right;white-space:nowrap}
 .chip{display:inline-block;width:11px;height:11px;border-radius:3px;margin-right:7px;vertical-align:-1px}
 .dims{display:flex;flex-wrap:wrap;gap:4px 18px}.dims span{white-space:nowrap}.dims i{font-style:normal;color:var(--mute)}

@@ -31,6 +31,20 @@ Eigen::AlignedBox3d BoundsOf(const Product& product) {
   return box;
 }
 
+// Every vertex, and the corners of a square about every circle.
+std::vector<Vector3d> CornersOf(const Product& product) {
+  std::vector<Vector3d> points;
+  for (const auto& part : product.parts) {
+    points.insert(points.end(), part.vertices.begin(), part.vertices.end());
+    for (const auto& c : part.circles) {
+      const Vector3d u = c.radius_mm * c.normal.unitOrthogonal(), v = c.normal.normalized().cross(u);
+      for (const double a : {-1.0, 1.0})
+        for (const double b : {-1.0, 1.0}) points.push_back(c.center + a * u + b * v);
+    }
+  }
+  return points;
+}
+
 // Where a part's name stands: the middle of its vertices and rims.
 Vector3d MiddleOf(const Part& part) {
   Eigen::AlignedBox3d box;
@@ -140,17 +154,14 @@ std::string CameraMarks(std::span<const View> views, const Eigen::AlignedBox2d& 
 // Orthographic, from the south-east and above, with a z-buffer.
 class AngledRenderer {
  public:
-  AngledRenderer(const Eigen::AlignedBox3d& bounds, int width_px, int max_height_px) : width_(width_px) {
+  AngledRenderer(std::span<const Vector3d> points, int width_px, int max_height_px) : width_(width_px) {
     const double azimuth = RadFromDeg(-62), elevation = RadFromDeg(38);
     forward_ = {-std::cos(elevation) * std::cos(azimuth), -std::cos(elevation) * std::sin(azimuth),
                 -std::sin(elevation)};
     right_ = forward_.cross(Vector3d::UnitZ()).normalized();
     up_ = right_.cross(forward_);
     Eigen::AlignedBox2d frame;
-    for (int i = 0; i < 8; ++i) {
-      const Vector3d corner = bounds.corner(static_cast<Eigen::AlignedBox3d::CornerType>(i));
-      frame.extend(Vector2d(right_.dot(corner), -up_.dot(corner)));
-    }
+    for (const auto& point : points) frame.extend(Vector2d(right_.dot(point), -up_.dot(point)));
     const double margin = 0.06 * frame.sizes().maxCoeff() + 1;
     frame.min().array() -= margin;
     frame.max().array() += margin;
@@ -350,12 +361,11 @@ std::string PlanSvg(const Product& product, const std::vector<std::optional<Worl
 }
 
 std::string AngledSvg(const Product& product, const std::vector<std::optional<WorldSolid>>& solids) {
-  Eigen::AlignedBox3d bounds = BoundsOf(product);
   const bool any = std::any_of(solids.begin(), solids.end(), [](const auto& s) { return s.has_value(); });
-  if (bounds.isEmpty() || !any) return {};
-  bounds.extend(Vector3d(bounds.min().x(), bounds.min().y(), 0));
+  if (BoundsOf(product).isEmpty() || !any) return {};
+  const std::vector<Vector3d> points = CornersOf(product);
   constexpr int kWidth_px = 1200, kMaxHeight_px = 760, kSupersampling = 3;
-  AngledRenderer renderer(bounds, kWidth_px * kSupersampling, kMaxHeight_px * kSupersampling);
+  AngledRenderer renderer(points, kWidth_px * kSupersampling, kMaxHeight_px * kSupersampling);
   for (const auto& solid : solids)
     if (solid) PaintShadow(*solid, renderer);
   for (std::size_t i = 0; i < solids.size(); ++i)

@@ -22,7 +22,8 @@ std::string PartsTable(const Product& product) {
   for (const auto& part : product.parts) {
     std::string dimensions;
     for (const auto& d : part.dimensions) dimensions += (dimensions.empty() ? "" : ", ") + DimensionText(d);
-    const auto& p = part.world_from_part.translation;
+    const Eigen::Vector3d p = part.world_from_part.translation.unaryExpr(
+        [](double mm) { return std::round(10 * mm) / 10 + 0.0; });  // what is shown, without a -0.0
     out += fmt::format("{:<9} {:<12} {:>9.1f} {:>9.1f} {:>8.1f} {:>8.2f}  {:<10} {:>5}  {}{}\n", part.id,
                        part.kind, p.x(), p.y(), p.z(), DegFromRad(part.yaw_rad), part.stands_on,
                        part.images.size(), dimensions, part.doubtful ? "  DOUBTFUL" : "");
