@@ -116,10 +116,12 @@ int main(int argc, char** argv) {
           const Tally& t = tally[d];
           Summary& s = noise == 0 ? clean[d] : contrast / noise >= 8 ? high[d] : low[d];
           const double n = std::max(1, t.measured);
-          s.log_place += std::log(std::sqrt(t.offset2 / n) + 1e-9),
-              s.log_angle += std::log(std::sqrt(t.angle2 / n) + 1e-9);
-          s.log_rms += std::log(std::sqrt(t.rms2 / n) + 1e-9);
-          ++s.conditions;
+          if (t.measured > 0) {
+            ++s.conditions;
+            s.log_place += std::log(std::sqrt(t.offset2 / n) + 1e-9),
+                s.log_angle += std::log(std::sqrt(t.angle2 / n) + 1e-9);
+            s.log_rms += std::log(std::sqrt(t.rms2 / n) + 1e-9);
+          }
           s.all.edges += t.edges, s.all.recalled += t.recalled, s.all.whole += t.whole,
               s.all.found += t.found, s.all.right += t.right;
           s.all.measured += t.measured, s.all.place2_px += t.place2_px, s.all.offset += t.offset;
