@@ -19,13 +19,13 @@ h2{font-size:19px;margin:38px 0 12px;font-weight:650}
 .warn{background:var(--warnback);border:1px solid #f0d48a;color:var(--warn);border-radius:10px;padding:10px 16px;margin-top:16px}
 .warn ul{margin:4px 0;padding-left:20px}
 table{border-collapse:collapse;width:100%;font-size:14px}
-th{text-align:left;color:var(--mute);font-weight:600;font-size:12.5px;padding:6px 10px;border-bottom:1px solid var(--line);white-space:nowrap}
-td{padding:8px 10px;border-bottom:1px solid var(--line);vertical-align:top}
+th{text-align:left;color:var(--mute);font-weight:600;font-size:12.5px;padding:6px 7px;border-bottom:1px solid var(--line);white-space:nowrap}
+td{padding:8px 7px;border-bottom:1px solid var(--line);vertical-align:top}
 tr:last-child>td{border-bottom:0}
 td:first-child{white-space:nowrap}
-td.n,th.n{text-align:right;white-space:nowrap}
+td.n,th.n{text-align:right}td.n{white-space:nowrap}th.n{white-space:normal}
 .chip{display:inline-block;width:11px;height:11px;border-radius:3px;margin-right:7px;vertical-align:-1px}
-.dims{display:flex;flex-wrap:wrap;gap:4px 18px}.dims span{white-space:nowrap}.dims i{font-style:normal;color:var(--mute)}
+.dims{display:flex;flex-wrap:wrap;gap:3px 14px}.dims span{white-space:nowrap}.dims i{font-style:normal;color:var(--mute)}
 .dims .no{color:var(--mute);border-bottom:1px dotted var(--mute);cursor:help}
 .sig{color:var(--mute);font-size:12.5px}
 .tag{display:inline-block;border-radius:99px;padding:0 9px;font-size:12px;font-weight:600;line-height:20px}

@@ -80,7 +80,7 @@ std::string PlanGrid(const Eigen::AlignedBox2d& frame, double step_mm, double te
   const std::string style = "vector-effect=\"non-scaling-stroke\"";
   for (double x = first(frame.min().x()); x <= frame.max().x(); x += step_mm) {
     out += Line({x, frame.min().y()}, {x, frame.max().y()}, style);
-    labels += Text({x, frame.max().y() - 0.3 * text_mm}, text_mm, fmt::format("{:g}", x / 1000),
+    labels += Text({x, frame.max().y() - 0.3 * text_mm}, text_mm, fmt::format("{:g}", x / 1000 + 0.0),
                    "fill=\"#7a8794\" text-anchor=\"middle\"");
   }
   for (double y = first(frame.min().y()); y <= frame.max().y(); y += step_mm) {
