@@ -1,6 +1,7 @@
 #include "vss/image/grey_image.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -82,12 +83,35 @@ ImageSize HeaderSize(const Bytes& b, Format format) {
   return {};
 }
 
+// CRC-32 of ISO 3309, as PNG uses it.
+std::uint32_t Crc32(const std::uint8_t* data, std::size_t size) {
+  static const auto table = [] {
+    std::array<std::uint32_t, 256> t{};
+    for (std::uint32_t i = 0; i < 256; ++i) {
+      t[i] = i;
+      for (int k = 0; k < 8; ++k) t[i] = t[i] & 1 ? 0xedb88320u ^ (t[i] >> 1) : t[i] >> 1;
+    }
+    return t;
+  }();
+  std::uint32_t crc = 0xffffffffu;
+  for (std::size_t i = 0; i < size; ++i) crc = table[(crc ^ data[i]) & 0xff] ^ (crc >> 8);
+  return ~crc;
+}
+
+// Every chunk there to IEND, each with its check sum. (libpng would complain on stderr by itself.)
+bool PngChunksAreSound(const Bytes& b) {
+  for (std::size_t at = 8; at + 12 <= b.size();) {
+    const std::size_t length = Read(b, at, 4, true);
+    if (length > b.size() - at - 12 || Crc32(&b[at + 4], length + 4) != Read(b, at + 8 + length, 4, true)) return false;
+    if (std::equal(&b[at + 4], &b[at + 8], "IEND")) return true;
+    at += 12 + length;
+  }
+  return false;
+}
+
 // A PNG ends with IEND and a JPEG with EOI; decoders fill what is missing with grey and say nothing.
 bool IsWhole(const Bytes& b, Format format, const ImageSize& size) {
-  if (format == Format::kPng) {
-    static constexpr char kEnd[] = "IEND";
-    return std::search(b.end() - std::min<std::ptrdiff_t>(std::ptrdiff_t(b.size()), 64), b.end(), kEnd, kEnd + 4) != b.end();
-  }
+  if (format == Format::kPng) return PngChunksAreSound(b);
   if (format == Format::kJpeg) {
     static constexpr std::uint8_t kEnd[] = {0xff, 0xd9};
     return std::find_end(b.begin(), b.end(), kEnd, kEnd + 2) != b.end();
@@ -136,7 +160,7 @@ Result<ImageSize> ReadImageSize(const std::filesystem::path& path) {
 
 Result<GreyImage> ReadImage(const std::filesystem::path& path) {
   VSS_ASSIGN(auto loaded, LoadHeader(path, true));
-  if (!IsWhole(loaded.bytes, loaded.format, loaded.size)) return InputError("{}: the picture is cut off; copy the file again", path.string());
+  if (!IsWhole(loaded.bytes, loaded.format, loaded.size)) return InputError("{}: the picture is cut off or damaged; copy the file again", path.string());
   cv::Mat decoded;
   try {
     decoded = cv::imdecode(loaded.bytes, cv::IMREAD_UNCHANGED | cv::IMREAD_IGNORE_ORIENTATION);
