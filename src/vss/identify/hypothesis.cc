@@ -509,29 +509,54 @@ class Seeder {
   std::vector<PlacedObject> CompleteDimensions(const Hypothesis& h) const {
     constexpr std::size_t kBeam = 4, kRefined = 2;
     constexpr int kPasses = 2;  // the second sees the later dimensions where they belong
-    std::vector<std::pair<double, PlacedObject>> beam{{Score(h.object, h.views), h.object}};
+    // A voted value must beat the usual one by this: it was picked among several, one of which fits by chance.
+    constexpr double kPicked = 6;
+    struct State {
+      double score;
+      PlacedObject object;
+      std::vector<bool> known;  // dimensions told by the seed or picked
+    };
+    auto valued = [&](PlacedObject object, std::vector<bool> known) {
+      const auto picked = std::count(known.begin(), known.end(), true) - std::count(h.determined.begin(), h.determined.end(), true);
+      const double score = Score(object, h.views) - kPicked * double(picked);
+      return State{score, std::move(object), std::move(known)};
+    };
+    std::vector<State> beam{valued(h.object, h.determined)};
     for (int pass = 0; pass < kPasses; ++pass)
       for (std::size_t d = 0; d < h.determined.size(); ++d) {
         if (h.determined[d]) continue;
-        auto next = beam;
-        for (const auto& [score, object] : beam)
-          for (double candidate : Vote(object, d, h)) {
-            PlacedObject o = object;
-            Move(o, h.open_direction, d, candidate);
-            const bool known = std::any_of(next.begin(), next.end(), [&](const auto& n) {
-              return (n.second.State() - o.State()).cwiseAbs().maxCoeff() < 0.3 * context_.mm_per_px;
-            });
-            if (!known && Allowed(o)) next.push_back({Score(o, h.views), o});
-          }
-        std::stable_sort(next.begin(), next.end(),
-                         [](const auto& a, const auto& b) { return a.first > b.first; });
+        std::vector<State> next = beam;
+        auto consider = [&](const State& from, double value, bool picked) {
+          PlacedObject o = from.object;
+          Move(o, h.open_direction, d, value);
+          const bool again = std::any_of(next.begin(), next.end(), [&](const State& n) {
+            return n.known[d] == picked && (n.object.State() - o.State()).cwiseAbs().maxCoeff() < 0.3 * context_.mm_per_px;
+          });
+          if (again || !Allowed(o)) return;
+          auto known = from.known;
+          known[d] = picked;
+          next.push_back(valued(std::move(o), std::move(known)));
+        };
+        for (const State& from : beam) {
+          consider(from, UsualValue(from.object, from.known, d), false);
+          for (double value : Vote(from.object, d, h)) consider(from, value, true);
+        }
+        std::stable_sort(next.begin(), next.end(), [](const State& a, const State& b) { return a.score > b.score; });
         if (next.size() > kBeam) next.resize(kBeam);
         beam = std::move(next);
       }
     std::vector<PlacedObject> best;
-    for (const auto& b : beam)
-      if (best.size() < kRefined) best.push_back(b.second);
+    for (const State& state : beam)
+      if (best.size() < kRefined) best.push_back(state.object);
     return best;
+  }
+
+  // What dimension `d` usually is beside those that are known.
+  static double UsualValue(const PlacedObject& o, const std::vector<bool>& known, std::size_t d) {
+    std::vector<std::optional<double>> values(known.size());
+    for (std::size_t i = 0; i < known.size(); ++i)
+      if (known[i] && i != d) values[i] = o.dimensions_mm[i];
+    return o.model->UsualDimensions(values)[d];
   }
 
   const KindTemplate& kind_;
