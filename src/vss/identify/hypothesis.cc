@@ -21,6 +21,8 @@ constexpr double kEndTolerancePx = 4;
 // How far (in pixels) the edges of a seed may miss its world lines.
 constexpr double kSeedTolerancePx = 1.5;
 constexpr int kMaxPeaks = 7;
+// A voted value must beat the usual one by this: it was picked among several, one of which fits by chance.
+constexpr double kPicked = 20;
 
 Vector3d EdgeDirection(const WorldSolid& s, const SolidEdge& e) {
   return s.vertices[std::size_t(e.end)].point - s.vertices[std::size_t(e.start)].point;
@@ -136,10 +138,11 @@ class Seeder {
     if (!kind_.rims.empty() && !kind_.pairs.empty() && !CompleteRims(h, h.views)) return {};
     if (Score(h.object, h.views) < kHopeless) return {};
     std::vector<Hypothesis> out;
-    for (const PlacedObject& object : CompleteDimensions(h)) {
+    for (const auto& [object, known] : CompleteDimensions(h)) {
       Hypothesis candidate = h;
       candidate.object = object;
       RefineAndWeigh(candidate, context_);
+      Settle(candidate, known);
       if (candidate.log_odds >= min_log_odds) out.push_back(std::move(candidate));
     }
     return out;
@@ -506,18 +509,21 @@ class Seeder {
   }
 
   // Dimensions that the seed left open, one after the other, the best few combinations kept (beam search).
-  std::vector<PlacedObject> CompleteDimensions(const Hypothesis& h) const {
+  struct Completion {
+    PlacedObject object;
+    std::vector<bool> known;  // dimensions told by the seed or picked
+  };
+  std::vector<Completion> CompleteDimensions(const Hypothesis& h) const {
     constexpr std::size_t kBeam = 4, kRefined = 2;
     constexpr int kPasses = 2;  // the second sees the later dimensions where they belong
-    // A voted value must beat the usual one by this: it was picked among several, one of which fits by chance.
-    constexpr double kPicked = 6;
     struct State {
       double score;
       PlacedObject object;
       std::vector<bool> known;  // dimensions told by the seed or picked
     };
     auto valued = [&](PlacedObject object, std::vector<bool> known) {
-      const auto picked = std::count(known.begin(), known.end(), true) - std::count(h.determined.begin(), h.determined.end(), true);
+      const auto picked = std::count(known.begin(), known.end(), true) -
+                          std::count(h.determined.begin(), h.determined.end(), true);
       const double score = Score(object, h.views) - kPicked * double(picked);
       return State{score, std::move(object), std::move(known)};
     };
@@ -530,7 +536,8 @@ class Seeder {
           PlacedObject o = from.object;
           Move(o, h.open_direction, d, value);
           const bool again = std::any_of(next.begin(), next.end(), [&](const State& n) {
-            return n.known[d] == picked && (n.object.State() - o.State()).cwiseAbs().maxCoeff() < 0.3 * context_.mm_per_px;
+            return n.known[d] == picked &&
+                   (n.object.State() - o.State()).cwiseAbs().maxCoeff() < 0.3 * context_.mm_per_px;
           });
           if (again || !Allowed(o)) return;
           auto known = from.known;
@@ -541,14 +548,43 @@ class Seeder {
           consider(from, UsualValue(from.object, from.known, d), false);
           for (double value : Vote(from.object, d, h)) consider(from, value, true);
         }
-        std::stable_sort(next.begin(), next.end(), [](const State& a, const State& b) { return a.score > b.score; });
+        std::stable_sort(next.begin(), next.end(),
+                         [](const State& a, const State& b) { return a.score > b.score; });
         if (next.size() > kBeam) next.resize(kBeam);
         beam = std::move(next);
       }
-    std::vector<PlacedObject> best;
+    std::vector<Completion> best;
     for (const State& state : beam)
-      if (best.size() < kRefined) best.push_back(state.object);
+      if (best.size() < kRefined) best.push_back({state.object, state.known});
     return best;
+  }
+
+  // Dimensions that were neither told nor picked, but moved with the fit, go back to what is usual beside the
+  // others, the least missed first, unless that costs as much as a picked one must bring.
+  void Settle(Hypothesis& h, std::vector<bool> known) const {
+    for (std::size_t round = 0; round < known.size(); ++round) {
+      double best = h.log_odds - kPicked;
+      int which = -1;
+      PlacedObject settled;
+      for (std::size_t d = 0; d < known.size(); ++d) {
+        if (known[d]) continue;
+        std::vector<bool> others(known.size(), true);
+        PlacedObject o = h.object;
+        Move(o, h.open_direction, d, UsualValue(o, others, d));
+        if (!Allowed(o)) continue;
+        const double score = Weigh(PlaceSolid(o, false), h.views, context_.scene,
+                                   {.prior_log_odds = PriorLogOdds(o, context_.mm_per_px)}, context_.others)
+                                 .Score();
+        if (score <= best) continue;
+        best = score;
+        which = int(d);
+        settled = o;
+      }
+      if (which < 0) return;
+      known[std::size_t(which)] = true;
+      h.object = settled;
+      h.log_odds = best;
+    }
   }
 
   // What dimension `d` usually is beside those that are known.
@@ -634,21 +670,24 @@ void RefineAndWeigh(Hypothesis& h, const SeedContext& context) {
   free[2] = free[4] = free[5] = false;
   auto weigh = [&](const PlacedObject& object) {
     const WeighOptions options{.prior_log_odds = PriorLogOdds(object, context.mm_per_px)};
-    const Evidence evidence =
-        Weigh(PlaceSolid(object, false), h.views, context.scene, options, context.others);
-    return std::min(evidence.log_odds, evidence.elevated_log_odds);
+    return Weigh(PlaceSolid(object, false), h.views, context.scene, options, context.others).Score();
   };
   const double tolerance = context.scene.tolerance_px;
-  PlacedObject fitted = h.object;
-  FitToLines(fitted, h.views, context.scene, free, 2 * tolerance, tolerance, 6, context.others);
-  const bool stayed =
-      (fitted.placement.head<2>() - h.object.placement.head<2>()).norm() < 30 * context.mm_per_px;
-  h.log_odds = weigh(h.object);
-  if (!stayed || !Allowed(fitted)) return;
-  const double after = weigh(fitted);
-  if (after < h.log_odds) return;
-  h.log_odds = after;
-  h.object = fitted;
+  const PlacedObject start = h.object;
+  h.log_odds = weigh(start);
+  // A wide reach forgives a poor start, a narrow one is not led astray by neighbours: what explains most is
+  // kept.
+  for (double reach : {3.0, 2.0, 1.0}) {
+    PlacedObject fitted = reach == 1.0 ? h.object : start;
+    FitToLines(fitted, h.views, context.scene, free, reach * tolerance, tolerance, 5, context.others);
+    if ((fitted.placement.head<2>() - start.placement.head<2>()).norm() > 30 * context.mm_per_px ||
+        !Allowed(fitted))
+      continue;
+    const double after = weigh(fitted);
+    if (after <= h.log_odds) continue;
+    h.log_odds = after;
+    h.object = fitted;
+  }
 }
 
 }  // namespace vss

@@ -65,20 +65,6 @@ class SceneSolver {
     StackOnTops();
     if (progress_.Cancelled()) return Cancelled();
     Select();
-    if (getenv("VSS_DEBUG"))
-      for (auto& it : items_) {
-        fprintf(stderr, "item %s rest%d on %d lo %.1f xyz %.0f %.0f %.0f yaw %.1f dims", it.kind.c_str(),
-                it.h.object.resting_pose, it.support_item, it.h.log_odds, it.h.object.placement[0],
-                it.h.object.placement[1], it.h.object.placement[2], it.h.object.placement[3] * 57.3);
-        for (double d : it.h.object.dimensions_mm) fprintf(stderr, " %.1f", d);
-        fprintf(stderr, "%s\n", it.accepted ? " ACCEPTED" : "");
-        auto s = PlaceSolid(it.h.object, false);
-        auto e = Weigh(s, it.h.views, scene_, {});
-        if (getenv("VSS_EDGES"))
-          for (auto& k : e.edges)
-            fprintf(stderr, "     src%d idx%d views%d vis %.0f sup %.0f lo %.1f\n", (int)k.source, k.index,
-                    k.views, k.visible_px, k.supported_px, k.log_odds);
-      }
     return Collect();
   }
 
@@ -216,7 +202,7 @@ class SceneSolver {
       const Evidence left =
           Weigh(PlaceSolid(item.h.object, false), item.h.views, scene_,
                 {.prior_log_odds = PriorLogOdds(item.h.object, scene_.mm_per_px)}, &others, &after);
-      const double now = std::min(left.log_odds, left.elevated_log_odds);
+      const double now = left.Score();
       if (now < options_.accept_log_odds) continue;
       if (now < old_score - 1e-9 && !queue.empty() && now < queue.front().first) {
         queue.push_back({now, i});

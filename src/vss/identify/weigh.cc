@@ -19,6 +19,8 @@ constexpr double kDetectStrong = 0.8;
 constexpr double kDetectWeak = 0.45;
 // Where a part touches its support both sides lie in the contact shadow.
 constexpr double kDetectContact = 0.35;
+// And shadows run there beside whatever stands above.
+constexpr double kChanceContact = 0.2;
 // Least chance of a line where nothing is, whatever the density says.
 constexpr double kMinChance = 0.04;
 // Samples closer than this along a contour stand or fall together: one line covers them.
@@ -26,6 +28,9 @@ constexpr double kIndependentPx = 25;
 constexpr double kFullIndependent = 4;  // so many count fully, further ones by their logarithm
 // Directions of a predicted contour and its line may differ by this.
 constexpr double kMinCosine = 0.9962;  // 5 degrees
+// Standard deviation of a contour's distance from its line, with a fair calibration, as a share of the
+// tolerance.
+constexpr double kSigmaShare = 0.35;
 // A line speaks for a contour so far beyond its own ends.
 constexpr double kEndSlackPx = 0.5;
 // A contour is clear of its support from this height on, in pixels' size.
@@ -279,7 +284,7 @@ std::vector<double> NearestParallel(std::span<const ContourSample> samples, cons
 double PriorLogOdds(const PlacedObject& object, double mm_per_px) {
   constexpr double kPerDimension = 4;      // half the logarithm of some 3000 px of contour (BIC)
   constexpr double kUnseenDimension = 20;  // smaller than a pixel: the pictures cannot show it
-  constexpr double kOtherPose = 20;        // parts mostly lie as their knowledge base says first
+  constexpr double kOtherPose = 30;        // parts mostly lie as their knowledge base says first
   constexpr double kFlatPx = 2,
                    kFlat = 40;  // what is hardly higher than a pixel may be paint, a shadow or a cable
   double prior = object.resting_pose > 0 ? -kOtherPose : 0;
@@ -305,7 +310,7 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
   const Numbering numbering(solid);
   struct Tally {
     int visible = 0, open = 0, supported = 0;  // open: neither another part's nor unresolvable
-    double px = 0, chance = 0;
+    double px = 0, chance = 0, squared = 0;
   };
   struct Sum {
     int votes = 0;
@@ -342,6 +347,7 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
     for (std::size_t i = 0; i < samples.size(); ++i) {
       const auto& s = samples[i];
       const bool is_hit = next_hit < hits.size() && hits[next_hit].sample == int(i);
+      const double distance = is_hit ? hits[next_hit].distance : 0;
       const int line = is_hit ? hits[next_hit++].line : -1;
       if (!s.visible || WeightOf(solid, s) <= 0) continue;
       auto& t = tallies[std::size_t(numbering.Of(s))];
@@ -352,7 +358,9 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
       t.chance += scene.ChanceHit(v, s.ideal_tangent);
       if (line >= 0 && claims && (*claims)[std::size_t(v)][std::size_t(line)]) continue;
       ++t.open;
-      if (line >= 0 && lost[i] == 0) ++t.supported;
+      if (line < 0 || lost[i] != 0) continue;
+      ++t.supported;
+      t.squared += distance * distance;
     }
     bool seen = false;
     for (int k = 0; k < numbering.total; ++k) {
@@ -368,8 +376,8 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
       ContourSample probe;
       probe.source = numbering.SourceOf(k);
       probe.index = numbering.IndexOf(k);
-      const double chance = t.chance / t.visible;
       const double alone = DetectOf(solid, probe.source, probe.index, lowest_z);
+      const double chance = std::max(t.chance / t.visible, alone == kDetectContact ? kChanceContact : 0.0);
       const double beside = crowded[std::size_t(k)];
       const double detect = std::max(std::min(alone, beside < kResolvePx   ? kDetectUnresolved
                                                      : beside < kCrowdedPx ? kDetectWeak
@@ -378,9 +386,14 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
       const double pieces = px / kIndependentPx;
       const double independent =
           pieces < kFullIndependent ? pieces : kFullIndependent * (1 + std::log(pieces / kFullIndependent));
+      // A true contour lies near its line (normal, sigma), a chance one anywhere within the tolerance.
+      const double sigma = kSigmaShare * scene.tolerance_px;
+      const double near = t.supported == 0 ? 0
+                                           : std::log(2 * scene.tolerance_px / (sigma * std::sqrt(2 * kPi))) -
+                                                 t.squared / t.supported / (2 * sigma * sigma);
       sums[std::size_t(k)].log_odds +=
           WeightOf(solid, probe) * independent *
-          (share * std::log(detect / chance) + (1 - share) * std::log((1 - detect) / (1 - chance)));
+          (share * (std::log(detect / chance) + near) + (1 - share) * std::log((1 - detect) / (1 - chance)));
       ++sums[std::size_t(k)].votes;
     }
     if (seen) ++out.views;

@@ -1,6 +1,7 @@
 // How well the lines of the pictures speak for a placed object: predicted contours against lines found.
 #pragma once
 #include <Eigen/Core>
+#include <algorithm>
 #include <span>
 #include <vector>
 
@@ -51,6 +52,11 @@ struct Evidence {
   double log_odds = 0;           // natural logarithm, for "there is this object" against "chance"
   double visible_px = 0, supported_px = 0;
   int views = 0;  // that see part of its contour
+  // The score of the whole: what paint and shadows could explain as well counts for nothing alone.
+  double Score() const {
+    return elevated_log_odds < kMinElevated ? std::min(log_odds, elevated_log_odds) : log_odds;
+  }
+  static constexpr double kMinElevated = 10;
   std::vector<EdgeEvidence> edges;
   std::vector<ContourMatch> matches;  // only where asked for
 };
