@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "vss/base/parallel.h"
+#include "vss/identify/weigh.h"
 #include "vss/reconstruct/adjustment.h"
 #include "vss/reconstruct/coarse_fit.h"
 #include "vss/reconstruct/observability.h"
@@ -172,6 +173,13 @@ class Reconstructor {
       a.Solve(kSteps, round > 0);
       if (round == 1 && options_.allow_tilt) DecideTilts(a);
     }
+    if (HoldCaptured(a)) {
+      for (int round = 1; round < kRounds; ++round) {
+        if (progress_.Cancelled()) return Cancelled();
+        Measure(a, std::max(options_.search_px * std::pow(0.55, round), 0.8));
+        a.Solve(kSteps, true);
+      }
+    }
     SettlePriors(a);
     ReleaseMovedCameras(a);
     FixUnobservable(a);
@@ -328,6 +336,39 @@ class Reconstructor {
     }
   }
 
+  // A dimension that left the knowledge base's range, or went further than its edge was searched for, was
+  // captured by another edge: its own is not seen. It is held at what is usual, and its part starts anew.
+  // True where one was.
+  bool HoldCaptured(Adjustment& a) {
+    captured_.clear();
+    bool any = false;
+    const double reach_mm = options_.search_px * TypicalMmPerPx(views_);
+    for (std::size_t p = 0; p < a.parts.size(); ++p) {
+      auto& part = a.parts[p];
+      const PlacedObject& start = given_[p].object;
+      const auto defs = start.model->dimensions();
+      std::vector<bool> captured(defs.size());
+      std::vector<std::optional<double>> known(defs.size());
+      for (std::size_t i = 0; i < defs.size(); ++i) {
+        const double value = part.object.dimensions_mm[i];
+        captured[i] = value < defs[i].min_mm || value > defs[i].max_mm ||
+                      std::abs(value - start.dimensions_mm[i]) > reach_mm;
+        if (!captured[i]) known[i] = value;
+      }
+      captured_.push_back(captured);
+      if (std::none_of(captured.begin(), captured.end(), [](bool c) { return c; })) continue;
+      any = true;
+      const auto usual = start.model->UsualDimensions(known);
+      part.object = start;
+      for (std::size_t i = 0; i < defs.size(); ++i) {
+        if (!captured[i]) continue;
+        part.object.dimensions_mm[i] = usual[i];
+        part.free[kPlacementSize + i] = false;
+      }
+    }
+    return any;
+  }
+
   // What the pictures do not determine goes back to what is known without them.
   void FixUnobservable(Adjustment& a) {
     observable_.clear();
@@ -340,7 +381,8 @@ class Reconstructor {
       std::vector<std::optional<double>> known;
       bool all = true;
       for (std::size_t i = 0; i < part.object.dimensions_mm.size(); ++i) {
-        const bool ok = seen.observable[kPlacementSize + i];
+        const bool ok = seen.observable[kPlacementSize + i] && !captured_[p][i];
+        observable_[p][kPlacementSize + i] = ok;
         all &= ok;
         known.push_back(ok ? std::optional(part.object.dimensions_mm[i]) : std::nullopt);
       }
@@ -496,6 +538,7 @@ class Reconstructor {
   const Progress& progress_;
   std::vector<PictureState> states_;
   std::vector<std::vector<bool>> observable_;
+  std::vector<std::vector<bool>> captured_;  // per part and dimension: see HoldCaptured
   std::vector<double> significance_;
 };
 
