@@ -2,6 +2,7 @@
 #pragma once
 #include <Eigen/Core>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -22,6 +23,7 @@ struct CalibrationQuality {
   int num_views = 0;
   Eigen::MatrixXd covariance;             // square over the parameters above; empty where unknown
   std::vector<std::string> warnings;      // sentences that every later step repeats
+  std::map<std::string, std::string> about = {};  // date, serial, lens, aperture: what the calibration holds for
 };
 
 struct Camera {

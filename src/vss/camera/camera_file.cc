@@ -8,6 +8,7 @@ namespace vss {
 namespace {
 
 constexpr int kMaxSide_px = 65535;           // no sensor is larger
+constexpr const char* kAbout[] = {"date", "serial", "lens", "aperture"};  // what a calibration holds for
 constexpr double kRotationTolerance = 1e-3;  // the contract's, for matrices rounded by hand
 
 Result<double> PositiveAt(const TomlValue& table, const char* name, const char* example) {
@@ -129,6 +130,10 @@ Result<CalibrationQuality> ReadQuality(const TomlValue& table, int num_parameter
   if (const TomlValue* value = table.Find("warnings")) {
     VSS_ASSIGN(quality.warnings, value->AsTexts());
   }
+  for (const char* name : kAbout)
+    if (const TomlValue* value = table.Find(name)) {
+      VSS_ASSIGN(quality.about[name], value->AsText());
+    }
   return quality;
 }
 
@@ -214,6 +219,7 @@ std::string QualityToToml(const CalibrationQuality& quality) {
     out += fmt::format("sigma = {}\n", TomlArray(quality.covariance.diagonal().cwiseMax(0).cwiseSqrt()));
     out += fmt::format("covariance = {}\n", TomlMatrix(quality.covariance));
   }
+  for (const auto& [name, text] : quality.about) out += fmt::format("{} = {}\n", name, TomlText(text));
   if (!quality.warnings.empty()) {
     std::string list;
     for (const auto& warning : quality.warnings) list += (list.empty() ? "" : ", ") + TomlText(warning);

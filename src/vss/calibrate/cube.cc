@@ -1,0 +1,661 @@
+#include "vss/calibrate/cube.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "vss/calibrate/cube_geometry.h"
+#include "vss/calibrate/cube_start.h"
+#include "vss/calibrate/maps.h"
+
+namespace vss {
+namespace {
+
+using cube::Geometry;
+using cube::VisibleEdge;
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+// What is known of the classes beforehand: how far their edges may lie off together (estimated within this
+// sigma), and how far each edge may lie off by itself at full contrast. Measured on rendered and real cubes:
+// chamfer and light move edges by up to 0.1 px; a contact shadow pulls edges on the floor by 0.1 to 0.4 px,
+// unevenly; uprights suffer from low contrast.
+struct ClassPrior {
+  const char* name;
+  double bias_sigma_px, edge_sigma_px;
+};
+constexpr ClassPrior kPriors[kNumEdgeClasses] = {{"top, against the floor", 0.1, 0.02},
+                                                 {"top, against a side", 0.1, 0.02},
+                                                 {"upright, against the floor", 0.15, 0.04},
+                                                 {"upright, between sides", 0.15, 0.04},
+                                                 {"floor", 0.4, 0.15}};
+constexpr double kSampleSpacingPx = 4, kSampleHalfLengthPx = 2;
+constexpr double kClearancePx =
+    5.5;  // to other edges of the cube: the window of a sample sees one edge alone
+constexpr double kMinSampleSigmaPx = 0.02;  // model error of a sample, whatever its noise
+constexpr int kMinSamples = 20;             // in all pictures together
+
+struct Observation {
+  int picture = 0, edge = 0;
+  EdgeClass edge_class = EdgeClass::kTopOuter;
+  Vector3d point;    // world, on the model edge
+  Vector2d outward;  // img, unit
+  Vector2d seen;     // img
+  double sigma_px = 0, contrast = 0, weight = 0, residual_px = 0;
+};
+
+struct Rig {
+  const Intrinsics& lens;
+  const Geometry& geometry;
+  const std::vector<CubePicture>& pictures;
+};
+
+// The unknowns of a camera: its pose at the middle of its stops, where rotation and translation are least
+// entangled.
+struct Unknowns {
+  RigidTransform cam_from_world;  // at gantry displacement `middle`
+  Vector3d middle;
+  Matrix3d axes;
+  double bias_px[kNumEdgeClasses] = {};
+  double scale = 1;  // of the cube about the middle of its base
+  Vector3d base = Vector3d::Zero();
+
+  RigidTransform At(const Vector3d& gantry) const {
+    RigidTransform t = cam_from_world;
+    t.translation -= t.rotation * (axes * (gantry - middle));
+    return t;
+  }
+};
+
+double DistanceToSegment(const Vector2d& p, const Vector2d& a, const Vector2d& b) {
+  const Vector2d d = b - a;
+  const double s = std::clamp(d.dot(p - a) / std::max(1e-12, d.squaredNorm()), 0.0, 1.0);
+  return (p - a - s * d).norm();
+}
+
+// Samples along every visible edge, each measured across.
+std::vector<Observation> Measure(const Rig& rig, const Unknowns& x, double reach_px) {
+  std::vector<Observation> observations;
+  for (std::size_t k = 0; k < rig.pictures.size(); ++k) {
+    const RigidTransform pose = x.At(rig.pictures[k].gantry_mm);
+    const auto edges = VisibleEdges(rig.geometry, pose.Inverse().translation);
+    std::vector<std::pair<Vector2d, Vector2d>> ends(edges.size());
+    std::vector<bool> projected(edges.size(), false);
+    for (std::size_t i = 0; i < edges.size(); ++i) {
+      const auto& e = rig.geometry.edge[edges[i].edge];
+      const auto a = rig.lens.Project(pose * rig.geometry.corner[e.from]),
+                 b = rig.lens.Project(pose * rig.geometry.corner[e.to]);
+      projected[i] = a && b;
+      if (projected[i]) ends[i] = {*a, *b};
+    }
+    for (std::size_t i = 0; i < edges.size(); ++i) {
+      if (!projected[i]) continue;
+      const auto& e = rig.geometry.edge[edges[i].edge];
+      const Vector3d from = rig.geometry.corner[e.from], to = rig.geometry.corner[e.to];
+      Vector3d inner = Vector3d::Zero();
+      for (int c : rig.geometry.face[edges[i].inner_face].corner) inner += 0.25 * rig.geometry.corner[c];
+      const auto inner_img = rig.lens.Project(pose * inner);
+      const double length = (ends[i].second - ends[i].first).norm();
+      const int samples = static_cast<int>(length / kSampleSpacingPx);
+      for (int s = 0; s < samples; ++s) {
+        const Vector3d point = from + (s + 0.5) / samples * (to - from);
+        const auto p = rig.lens.Project(pose * point),
+                   q = rig.lens.Project(pose * (point + 0.5 / samples * (to - from)));
+        if (!p || !q || !inner_img) continue;
+        bool clear = true;
+        for (std::size_t j = 0; j < edges.size() && clear; ++j)
+          clear =
+              j == i || !projected[j] || DistanceToSegment(*p, ends[j].first, ends[j].second) > kClearancePx;
+        if (!clear) continue;
+        const Vector2d along = (*q - *p).normalized();
+        Vector2d outward(-along.y(), along.x());
+        if (outward.dot(*p - *inner_img) < 0) outward = -outward;
+        const auto offset =
+            MeasureEdge(rig.pictures[k].image.view(), *p, outward, reach_px, kSampleHalfLengthPx);
+        if (!offset) continue;
+        observations.push_back({static_cast<int>(k), edges[i].edge, edges[i].edge_class, point, outward,
+                                *p + offset->offset_px * outward,
+                                std::max(kMinSampleSigmaPx, offset->sigma_px), offset->contrast, 0, 0});
+      }
+    }
+  }
+  return observations;
+}
+
+double MedianOf(std::vector<double> v) {
+  if (v.empty()) return 0;
+  std::nth_element(v.begin(), v.begin() + v.size() / 2, v.end());
+  return v[v.size() / 2];
+}
+
+// Residual of an observation, and by pose (6), scale (1) and axes (9, row by row).
+bool Residual(const Rig& rig, const Unknowns& x, const Observation& o, double& r,
+              Eigen::Matrix<double, 1, 16>* j) {
+  const Vector3d point = x.base + x.scale * (o.point - x.base);
+  const RigidTransform pose = x.At(rig.pictures[o.picture].gantry_mm);
+  Eigen::Matrix<double, 2, 3> by_point;
+  const auto img = rig.lens.Project(pose * point, j ? &by_point : nullptr);
+  if (!img) return false;
+  r = o.outward.dot(o.seen - *img) - x.bias_px[static_cast<int>(o.edge_class)];
+  if (!j) return true;
+  const Eigen::RowVector3d n = o.outward.transpose() * by_point;
+  const Vector3d travel = rig.pictures[o.picture].gantry_mm - x.middle;
+  const Vector3d rotated = x.cam_from_world.rotation * (point - x.axes * travel);
+  j->leftCols<3>() = -n * CrossMatrix(rotated);
+  j->segment<3>(3) = n;
+  (*j)[6] = n * (x.cam_from_world.rotation * (o.point - x.base));
+  const Eigen::RowVector3d by_moved = -n * x.cam_from_world.rotation;
+  for (int a = 0; a < 3; ++a)
+    for (int b = 0; b < 3; ++b) (*j)[7 + 3 * a + b] = by_moved[a] * travel[b];
+  return true;
+}
+
+struct EdgeState {
+  std::vector<double> residual, contrast;
+  double middle_px = 0, spread_px = 0, sigma_px = 0, trust = 1;
+};
+
+// What is typical of each edge of each picture, and how far it may lie off as a whole: shading moves an edge
+// by its own slope over the edge's contrast, so an edge of a tenth of the picture's best contrast may be off
+// by ten times as much.
+std::map<std::pair<int, int>, EdgeState> EdgeStates(const std::vector<Observation>& observations) {
+  constexpr double kMaxFactor = 20;
+  std::map<std::pair<int, int>, EdgeState> edges;
+  std::map<std::pair<int, int>, EdgeClass> class_of;
+  std::map<int, double> best_contrast;
+  for (const Observation& o : observations) {
+    EdgeState& e = edges[{o.picture, o.edge}];
+    e.residual.push_back(o.residual_px), e.contrast.push_back(o.contrast);
+    class_of[{o.picture, o.edge}] = o.edge_class;
+  }
+  for (auto& [key, e] : edges)
+    best_contrast[key.first] = std::max(best_contrast[key.first], MedianOf(e.contrast));
+  for (auto& [key, e] : edges) {
+    e.middle_px = MedianOf(e.residual);
+    std::vector<double> deviation;
+    for (double r : e.residual) deviation.push_back(std::abs(r - e.middle_px));
+    e.spread_px = 1.4826 * MedianOf(deviation);
+    const double factor =
+        std::clamp(best_contrast[key.first] / std::max(1e-9, MedianOf(e.contrast)), 1.0, kMaxFactor);
+    e.sigma_px = factor * kPriors[static_cast<int>(class_of[key])].edge_sigma_px;
+  }
+  // How far edges really lie off, in their sigmas: most tell what the few may not. An edge beyond that loses
+  // its say (Cauchy).
+  constexpr double kMinScale = 0.3, kMaxScale = 1;
+  const auto off = [](const EdgeState& e) {
+    return std::abs(e.middle_px) / std::hypot(e.sigma_px, e.spread_px / std::sqrt(double(e.residual.size())));
+  };
+  std::vector<double> all;
+  for (const auto& entry : edges) all.push_back(off(entry.second));
+  const double scale = std::clamp(1.4826 * MedianOf(all), kMinScale, kMaxScale);
+  for (auto& entry : edges) {
+    const double z = off(entry.second) / (2 * scale);
+    entry.second.trust = 1 / (1 + z * z);
+  }
+  return edges;
+}
+
+// Weights: a sample's own noise, and what its edge may be off as a whole, shared by its samples; wrong
+// samples let go (Tukey).
+void Weigh(const Rig& rig, const Unknowns& x, std::vector<Observation>& observations, double max_px) {
+  for (Observation& o : observations) {
+    o.residual_px = 1e9;
+    Residual(rig, x, o, o.residual_px, nullptr);
+  }
+  const auto edges = EdgeStates(observations);
+  for (Observation& o : observations) {
+    const EdgeState& e = edges.at({o.picture, o.edge});
+    const double limit = std::clamp(4.7 * std::max(e.spread_px, 2 * o.sigma_px) + std::abs(e.middle_px), 0.3,
+                                    std::max(0.3, max_px));
+    const double z = o.residual_px / limit, tukey = std::abs(z) < 1 ? (1 - z * z) * (1 - z * z) : 0;
+    o.weight = e.trust * tukey / (o.sigma_px * o.sigma_px + e.residual.size() * e.sigma_px * e.sigma_px);
+  }
+}
+
+struct NormalEquations {
+  MatrixXd a;
+  VectorXd b;
+};
+
+// Columns: pose 6, biases, then the scale where it is estimated.
+NormalEquations Build(const Rig& rig, const Unknowns& x, const std::vector<Observation>& observations,
+                      bool with_scale) {
+  const int n = 6 + kNumEdgeClasses + with_scale;
+  NormalEquations e{MatrixXd::Zero(n, n), VectorXd::Zero(n)};
+  for (int c = 0; c < kNumEdgeClasses; ++c) {
+    const double w = 1 / (kPriors[c].bias_sigma_px * kPriors[c].bias_sigma_px);
+    e.a(6 + c, 6 + c) += w, e.b[6 + c] -= w * x.bias_px[c];
+  }
+  for (const Observation& o : observations) {
+    if (o.weight == 0) continue;
+    double r;
+    Eigen::Matrix<double, 1, 16> j;
+    if (!Residual(rig, x, o, r, &j)) continue;
+    VectorXd row = VectorXd::Zero(n);
+    row.head<6>() = j.head<6>().transpose();
+    row[6 + static_cast<int>(o.edge_class)] = 1;
+    if (with_scale) row[n - 1] = j[6];
+    e.a += o.weight * row * row.transpose(), e.b += o.weight * r * row;
+  }
+  return e;
+}
+
+void Apply(const VectorXd& step, bool with_scale, Unknowns& x) {
+  x.cam_from_world.rotation = RotationFromVector(step.head<3>()) * x.cam_from_world.rotation;
+  x.cam_from_world.translation += step.segment<3>(3);
+  for (int c = 0; c < kNumEdgeClasses; ++c) x.bias_px[c] += step[6 + c];
+  if (with_scale) x.scale += step[step.size() - 1];
+}
+
+struct Fit {
+  Unknowns x;
+  std::vector<Observation> observations;
+  double rms_px = 0,
+         agreement = 0;  // agreement: share of the possible samples that fit, the top's edges twice
+  int used = 0;
+};
+
+// Gauss-Newton on fixed samples.
+bool Solve(const Rig& rig, Fit& fit, bool with_scale, double max_px) {
+  constexpr int kIterations = 8;
+  for (int i = 0; i < kIterations; ++i) {
+    Weigh(rig, fit.x, fit.observations, max_px);
+    const auto e = Build(rig, fit.x, fit.observations, with_scale);
+    const VectorXd step = e.a.ldlt().solve(e.b);
+    if (!step.allFinite() || step.head<3>().norm() > 0.5) return false;
+    Apply(step, with_scale, fit.x);
+    if (step.head<3>().norm() < 1e-9 && step.segment<3>(3).norm() < 1e-6) break;
+  }
+  return true;
+}
+
+Unknowns StartOf(const RigidTransform& at_zero, const std::vector<CubePicture>& pictures,
+                 const CubeSpec& spec, const Matrix3d& axes) {
+  Unknowns x;
+  x.middle.setZero();
+  for (const auto& p : pictures) x.middle += p.gantry_mm / static_cast<double>(pictures.size());
+  x.axes = axes;
+  x.cam_from_world = at_zero;
+  x.cam_from_world.translation -= at_zero.rotation * (axes * x.middle);
+  x.base = spec.position_mm;
+  return x;
+}
+
+std::optional<Fit> Refine(const Rig& rig, const Unknowns& start, const std::vector<double>& reaches) {
+  Fit fit;
+  fit.x = start;
+  for (double reach : reaches) {
+    fit.observations = Measure(rig, fit.x, reach);
+    if (static_cast<int>(fit.observations.size()) < kMinSamples) return std::nullopt;
+    if (!Solve(rig, fit, false, reach)) return std::nullopt;
+  }
+  double sum = 0, possible = 0, agree = 0;
+  for (const Observation& o : fit.observations) {
+    if (o.weight == 0) continue;
+    sum += o.residual_px * o.residual_px, ++fit.used;
+  }
+  if (fit.used < kMinSamples) return std::nullopt;
+  fit.rms_px = std::sqrt(sum / fit.used);
+  for (std::size_t k = 0; k < rig.pictures.size(); ++k) {
+    const RigidTransform pose = fit.x.At(rig.pictures[k].gantry_mm);
+    for (const auto& v : VisibleEdges(rig.geometry, pose.Inverse().translation)) {
+      const auto& e = rig.geometry.edge[v.edge];
+      const auto a = rig.lens.Project(pose * rig.geometry.corner[e.from]),
+                 b = rig.lens.Project(pose * rig.geometry.corner[e.to]);
+      if (a && b) possible += (*b - *a).norm() / kSampleSpacingPx;
+    }
+  }
+  for (const Observation& o : fit.observations) agree += o.weight > 0 && std::abs(o.residual_px) < 1;
+  fit.agreement = possible > 0 ? agree / possible : 0;
+  return fit;
+}
+
+// Pose covariance and the lens's leverage, at gantry displacement zero.
+void FillCovariance(const Rig& rig, const Fit& fit, CubeResult& result) {
+  const auto e = Build(rig, fit.x, fit.observations, false);
+  double chi2 = 0;
+  for (const Observation& o : fit.observations) chi2 += o.weight * o.residual_px * o.residual_px;
+  const double scale = std::max(1.0, chi2 / std::max(1, fit.used - 6));
+  const MatrixXd covariance = e.a.inverse() * scale;
+  const int n = 4 + rig.lens.num_distortion;
+  MatrixXd mixed = MatrixXd::Zero(e.a.rows(), n);
+  for (const Observation& o : fit.observations) {
+    if (o.weight == 0) continue;
+    double r;
+    Eigen::Matrix<double, 1, 16> j;
+    Residual(rig, fit.x, o, r, &j);
+    VectorXd row = VectorXd::Zero(e.a.rows());
+    row.head<6>() = j.head<6>().transpose();
+    row[6 + static_cast<int>(o.edge_class)] = 1;
+    mixed += o.weight * row * (-o.outward.transpose() * RayJacobian(rig.lens, o.seen));
+  }
+  const MatrixXd by_lens = -e.a.ldlt().solve(mixed);
+  // To displacement zero: t0 = t + R axes middle, so dt0 = dt + w x (R axes middle).
+  Eigen::Matrix<double, 6, 6> shift = Eigen::Matrix<double, 6, 6>::Identity();
+  shift.bottomLeftCorner<3, 3>() = -CrossMatrix(fit.x.cam_from_world.rotation * (fit.x.axes * fit.x.middle));
+  result.covariance = shift * covariance.topLeftCorner<6, 6>() * shift.transpose();
+  result.by_lens = shift * by_lens.topRows<6>();
+  for (int c = 0; c < kNumEdgeClasses; ++c) {
+    result.bias_px[c] = fit.x.bias_px[c];
+    result.bias_sigma_px[c] = std::sqrt(covariance(6 + c, 6 + c));
+  }
+}
+
+void FillEdges(const Rig& rig, const Fit& fit, CubeResult& result) {
+  std::map<std::pair<int, int>, EdgeQuality> edges;
+  for (const Observation& o : fit.observations) {
+    EdgeQuality& q = edges[{o.picture, o.edge}];
+    q.file = rig.pictures[o.picture].file;
+    q.edge_class = o.edge_class;
+    ++q.num_points;
+    if (o.weight == 0) continue;
+    ++q.num_used;
+    q.mean_px += o.residual_px, q.rms_px += o.residual_px * o.residual_px;
+  }
+  for (auto& entry : edges) {
+    EdgeQuality& q = entry.second;
+    if (q.num_used > 0) q.mean_px /= q.num_used, q.rms_px = std::sqrt(q.rms_px / q.num_used);
+    result.edges.push_back(q);
+  }
+}
+
+double Baseline(const std::vector<CubePicture>& pictures) {
+  double longest = 0;
+  for (const auto& a : pictures)
+    for (const auto& b : pictures) longest = std::max(longest, (a.gantry_mm - b.gantry_mm).norm());
+  return longest;
+}
+
+// The cube's size as the moves measure it: a wrong size, or a gantry that does not move what it says, shows
+// here.
+Status CheckScale(const std::string& camera, const Rig& rig, const Fit& fit, CubeResult& result) {
+  constexpr double kMaxScaleError = 0.005, kSigmas = 5;
+  if (Baseline(rig.pictures) <= 0) return {};
+  Fit scaled = fit;
+  if (!Solve(rig, scaled, true, 3)) return {};
+  const MatrixXd covariance = Build(rig, scaled.x, scaled.observations, true).a.inverse();
+  result.cube_scale = scaled.x.scale;
+  result.cube_scale_sigma = std::sqrt(covariance(covariance.rows() - 1, covariance.cols() - 1));
+  const double error = result.cube_scale - 1;
+  if (std::abs(error) > kMaxScaleError && std::abs(error) > kSigmas * result.cube_scale_sigma)
+    return InputError(
+        "camera {}: by the gantry's moves the cube is {:.1f} % {} than the given size; measure the cube, and "
+        "check the gantry displacements of its pictures",
+        camera, 100 * std::abs(error), error > 0 ? "larger" : "smaller");
+  return {};
+}
+
+struct StopPlace {
+  Vector3d off_mm, sigma_mm;  // world: where the camera stood against where the fit of all stops has it
+};
+
+// One stop by itself, measured anew with a wide reach; rotation and biases are those of all stops.
+std::optional<StopPlace> PlaceOfStop(const Rig& rig, const Fit& fit, std::size_t k) {
+  std::vector<CubePicture> one{rig.pictures[k]};
+  const Rig alone{rig.lens, rig.geometry, one};
+  Unknowns x = fit.x;
+  const Vector3d start = x.At(one[0].gantry_mm).Inverse().translation;
+  Matrix3d a;
+  for (double reach : {12, 8, 4, 3, 3}) {
+    auto observations = Measure(alone, x, reach);
+    if (static_cast<int>(observations.size()) < kMinSamples) return std::nullopt;
+    Weigh(alone, x, observations, reach);
+    a.setZero();
+    Vector3d b = Vector3d::Zero();
+    for (const Observation& o : observations) {
+      double r;
+      Eigen::Matrix<double, 1, 16> j;
+      if (o.weight == 0 || !Residual(alone, x, o, r, &j)) continue;
+      const Vector3d by_shift = j.segment<3>(3).transpose();
+      a += o.weight * by_shift * by_shift.transpose(), b += o.weight * r * by_shift;
+    }
+    const Vector3d step = a.ldlt().solve(b);
+    if (!step.allFinite()) return std::nullopt;
+    x.cam_from_world.translation += step;
+  }
+  const Matrix3d rotation = x.cam_from_world.rotation;
+  const Matrix3d covariance = rotation.transpose() * a.inverse() * rotation;
+  return StopPlace{x.At(one[0].gantry_mm).Inverse().translation - start,
+                   covariance.diagonal().cwiseMax(0).cwiseSqrt()};
+}
+
+// Known moves, as the cube shows them against what the gantry says.
+void CheckMoves(const std::string& camera, const Rig& rig, const Fit& fit, CubeResult& result) {
+  constexpr double kSigmas = 5, kMinMm = 2.0;  // less is what axes that were not calibrated may do
+  std::vector<std::optional<StopPlace>> stops;
+  for (std::size_t k = 0; k < rig.pictures.size() && rig.pictures.size() > 1; ++k)
+    stops.push_back(PlaceOfStop(rig, fit, k));
+  for (std::size_t k = 1; k < stops.size(); ++k) {
+    if (!stops[k] || !stops[0]) {
+      result.warnings.push_back(
+          fmt::format("camera {}: in {} the cube is not where the other pictures and the gantry "
+                      "displacements have it; check them",
+                      camera, rig.pictures[stops[0] ? k : 0].file));
+      continue;
+    }
+    const Vector3d said = fit.x.axes * (rig.pictures[k].gantry_mm - rig.pictures[0].gantry_mm),
+                   off = stops[k]->off_mm - stops[0]->off_mm;
+    const Vector3d sigma = (stops[k]->sigma_mm.cwiseAbs2() + stops[0]->sigma_mm.cwiseAbs2()).cwiseSqrt(),
+                   seen = said + off;
+    result.moves.push_back({rig.pictures[k].file, seen, said, sigma});
+    if (off.norm() > kMinMm && off.cwiseQuotient(sigma).cwiseAbs().maxCoeff() > kSigmas)
+      result.warnings.push_back(fmt::format(
+          "camera {}: {} moved by ({:.1f}, {:.1f}, {:.1f}) mm from {} as the cube shows it, but the gantry "
+          "says ({:.1f}, {:.1f}, {:.1f}); check the displacements, or calibrate the gantry's axes",
+          camera, rig.pictures[k].file, seen.x(), seen.y(), seen.z(), rig.pictures[0].file, said.x(),
+          said.y(), said.z()));
+  }
+}
+
+Vector3d CentreAtZero(const Fit& fit) { return fit.x.At(Vector3d::Zero()).Inverse().translation; }
+
+// Of the places that fit, the one meant: near the given place, or the only one that several stops allow.
+Result<Fit> Choose(const std::string& camera, std::vector<Fit> fits, const std::optional<Vector3d>& near,
+                   const Vector3d& cube, CubeResult& result) {
+  constexpr double kAsGood = 0.9;  // of the best agreement: as good for what edges can tell
+  std::sort(fits.begin(), fits.end(), [](const Fit& a, const Fit& b) { return a.agreement > b.agreement; });
+  std::vector<Fit> good;
+  for (const Fit& f : fits) {
+    if (f.agreement < kAsGood * fits[0].agreement || f.rms_px > 3 * std::max(0.1, fits[0].rms_px)) continue;
+    const bool known = std::any_of(good.begin(), good.end(), [&](const Fit& g) {
+      return (CentreAtZero(g) - CentreAtZero(f)).norm() < 0.02 * (CentreAtZero(f) + f.x.middle - cube).norm();
+    });
+    if (!known) good.push_back(f);
+  }
+  if (!near && good.size() > 1)
+    return InputError(
+        "camera {}: the cube looks alike from {} places, e.g. ({:.0f}, {:.0f}, {:.0f}) and ({:.0f}, {:.0f}, "
+        "{:.0f}) mm; give camera_near = [x, y, z], or pictures from more stops of the gantry",
+        camera, good.size(), CentreAtZero(good[0]).x(), CentreAtZero(good[0]).y(), CentreAtZero(good[0]).z(),
+        CentreAtZero(good[1]).x(), CentreAtZero(good[1]).y(), CentreAtZero(good[1]).z());
+  if (near) {
+    const auto nearest = std::min_element(good.begin(), good.end(), [&](const Fit& a, const Fit& b) {
+      return (CentreAtZero(a) - *near).norm() < (CentreAtZero(b) - *near).norm();
+    });
+    const double off = (CentreAtZero(*nearest) - *near).norm(),
+                 distance = (CentreAtZero(*nearest) + nearest->x.middle - cube).norm();
+    if (off > 0.4 * distance)
+      result.warnings.push_back(fmt::format(
+          "camera {}: camera_near is {:.0f} mm from where the cube has the camera, ({:.0f}, {:.0f}, {:.0f}) "
+          "mm at gantry [0, 0, 0]; check it",
+          camera, off, CentreAtZero(*nearest).x(), CentreAtZero(*nearest).y(), CentreAtZero(*nearest).z()));
+    return *nearest;
+  }
+  return good[0];
+}
+
+}  // namespace
+
+const char* NameOf(EdgeClass c) { return kPriors[static_cast<int>(c)].name; }
+
+Result<CubeResult> CalibrateFromCube(const std::string& camera, const Intrinsics& lens, const CubeSpec& spec,
+                                     const std::vector<CubePicture>& pictures,
+                                     const std::optional<Vector3d>& near, const Gantry& gantry) {
+  constexpr double kMinAgreement = 0.4;  // of the samples that a cube would show
+  constexpr std::size_t kTrials = 12;
+  const Geometry geometry = cube::GeometryOf(spec);
+  const Rig rig{lens, geometry, pictures};
+  const auto starts = cube::FindStarts(lens, geometry, pictures, gantry.axes);
+  std::vector<Fit> fits;
+  for (std::size_t i = 0; i < std::min(kTrials, starts.size()); ++i)
+    if (auto fit = Refine(rig, StartOf(starts[i].cam_from_world, pictures, spec, gantry.axes), {10, 6, 4}))
+      fits.push_back(std::move(*fit));
+  CubeResult result;
+  if (fits.empty() || std::max_element(fits.begin(), fits.end(), [](const Fit& a, const Fit& b) {
+                        return a.agreement < b.agreement;
+                      })->agreement < kMinAgreement)
+    return InputError(
+        "camera {}: no cube of {} mm was found where {}{} could show it; take it with its whole top in the "
+        "picture, clear of the background, measure the cube, and check its place and the gantry "
+        "displacements",
+        camera, spec.size_mm, pictures[0].file,
+        pictures.size() > 1 ? fmt::format(" and {} more", pictures.size() - 1) : "");
+  VSS_ASSIGN(const Fit chosen, Choose(camera, std::move(fits), near, spec.position_mm, result));
+  const auto fit = Refine(rig, chosen.x, {4, 3, 3, 3});
+  if (!fit)
+    return InputError(
+        "camera {}: the cube's edges in {} cannot be measured; take the pictures again with more light or "
+        "contrast",
+        camera, pictures[0].file);
+  result.cam_from_world = fit->x.At(Vector3d::Zero());
+  result.rms_px = fit->rms_px;
+  result.num_points = fit->used;
+  FillCovariance(rig, *fit, result);
+  FillEdges(rig, *fit, result);
+  VSS_RETURN_IF_ERROR(CheckScale(camera, rig, *fit, result));
+  CheckMoves(camera, rig, *fit, result);
+  const Vector3d centre = CentreAtZero(*fit);
+  result.findings.push_back(
+      fmt::format("Camera {}: {} edge points of {} cube pictures fit to {:.3f} px RMS; at gantry [0, 0, 0] "
+                  "the camera is at ({:.2f}, {:.2f}, {:.2f}) mm.",
+                  camera, fit->used, pictures.size(), fit->rms_px, centre.x(), centre.y(), centre.z()));
+  for (int c = 0; c < kNumEdgeClasses; ++c)
+    if (std::any_of(fit->observations.begin(), fit->observations.end(), [&](const Observation& o) {
+          return static_cast<int>(o.edge_class) == c && o.weight > 0;
+        }))
+      result.findings.push_back(
+          fmt::format("Edges {} lie {:.3f} px {} where the cube has them (sigma {:.3f} px).", kPriors[c].name,
+                      std::abs(result.bias_px[c]), result.bias_px[c] < 0 ? "inside" : "outside",
+                      result.bias_sigma_px[c]));
+  if (result.cube_scale_sigma > 0)
+    result.findings.push_back(
+        fmt::format("By the gantry's moves the cube is {:.4f} (sigma {:.4f}) of its given size.",
+                    result.cube_scale, result.cube_scale_sigma));
+  return result;
+}
+
+MatrixXd JointCovariance(const MatrixXd& lens, const CubeResult& cube) {
+  const int n = static_cast<int>(lens.rows());
+  MatrixXd joint(n + 6, n + 6);
+  joint.topLeftCorner(n, n) = lens;
+  joint.bottomLeftCorner(6, n) = cube.by_lens * lens;
+  joint.topRightCorner(n, 6) = joint.bottomLeftCorner(6, n).transpose();
+  joint.bottomRightCorner(6, 6) = cube.covariance + cube.by_lens * lens * cube.by_lens.transpose();
+  return 0.5 * (joint + joint.transpose());
+}
+
+Result<GantryAxes> CalibrateGantryAxes(const std::vector<CubeJob>& jobs) {
+  constexpr double kMinTravelMm = 100;  // less says nothing of a direction
+  GantryAxes result;
+  for (const CubeJob& job : jobs)
+    for (const auto& a : *job.pictures)
+      for (const auto& b : *job.pictures)
+        for (int d = 0; d < 3; ++d)
+          result.moved[d] = result.moved[d] || std::abs(a.gantry_mm[d] - b.gantry_mm[d]) > kMinTravelMm;
+  std::vector<int> columns;  // of the axis matrix that are estimated
+  for (int d = 0; d < 3; ++d)
+    if (result.moved[d]) columns.push_back(d);
+  if (columns.empty())
+    return InputError(
+        "the gantry's axes cannot be calibrated: no two cube pictures of a camera were taken more than {} mm "
+        "apart",
+        kMinTravelMm);
+  std::vector<Geometry> geometries;
+  for (const CubeJob& job : jobs) geometries.push_back(cube::GeometryOf(job.cube));
+  std::vector<Unknowns> unknowns;
+  for (const CubeJob& job : jobs)
+    unknowns.push_back(StartOf(job.cam_from_world, *job.pictures, job.cube, Matrix3d::Identity()));
+  const int own = 6 + kNumEdgeClasses, shared = 3 * static_cast<int>(columns.size()),
+            n = shared + own * static_cast<int>(jobs.size());
+  MatrixXd a;
+  for (int round = 0; round < 8; ++round) {
+    a = MatrixXd::Zero(n, n);
+    VectorXd b = VectorXd::Zero(n);
+    for (std::size_t k = 0; k < jobs.size(); ++k) {
+      const Rig rig{jobs[k].lens, geometries[k], *jobs[k].pictures};
+      auto observations = Measure(rig, unknowns[k], round == 0 ? 4 : 3);
+      Weigh(rig, unknowns[k], observations, 3);
+      const int at = shared + own * static_cast<int>(k);
+      for (int c = 0; c < kNumEdgeClasses; ++c) {
+        const double w = 1 / (kPriors[c].bias_sigma_px * kPriors[c].bias_sigma_px);
+        a(at + 6 + c, at + 6 + c) += w, b[at + 6 + c] -= w * unknowns[k].bias_px[c];
+      }
+      for (const Observation& o : observations) {
+        double r;
+        Eigen::Matrix<double, 1, 16> j;
+        if (o.weight == 0 || !Residual(rig, unknowns[k], o, r, &j)) continue;
+        VectorXd row = VectorXd::Zero(n);
+        for (std::size_t c = 0; c < columns.size(); ++c)
+          for (int i = 0; i < 3; ++i) row[3 * c + i] = j[7 + 3 * i + columns[c]];
+        row.segment<6>(at) = j.head<6>().transpose();
+        row[at + 6 + static_cast<int>(o.edge_class)] = 1;
+        a += o.weight * row * row.transpose(), b += o.weight * r * row;
+      }
+    }
+    const VectorXd step = a.ldlt().solve(b);
+    if (!step.allFinite())
+      return InputError(
+          "the gantry's axes cannot be calibrated from these cube pictures; take the cube at more stops");
+    for (std::size_t c = 0; c < columns.size(); ++c)
+      for (int i = 0; i < 3; ++i) result.axes(i, columns[c]) += step[3 * c + i];
+    for (std::size_t k = 0; k < jobs.size(); ++k) {
+      Apply(step.segment(shared + own * static_cast<int>(k), own), false, unknowns[k]);
+      unknowns[k].axes = result.axes;
+    }
+  }
+  const MatrixXd covariance = a.inverse();
+  for (std::size_t c = 0; c < columns.size(); ++c)
+    for (int i = 0; i < 3; ++i) result.sigma(i, columns[c]) = std::sqrt(covariance(3 * c + i, 3 * c + i));
+  return result;
+}
+
+Result<CubeCheck> CheckAgainstCube(const Camera& camera, const CubeSpec& spec,
+                                   const std::vector<CubePicture>& pictures, const Gantry& gantry) {
+  if (!camera.cam_from_world)
+    return InputError(
+        "camera {}: its file has no [pose], so a cube cannot check it; calibrate its place first", camera.id);
+  const Geometry geometry = cube::GeometryOf(spec);
+  const Rig rig{camera.intrinsics, geometry, pictures};
+  const RigidTransform at_zero = gantry.CamFromWorld(camera, Vector3d::Zero());
+  const auto fit = Refine(rig, StartOf(at_zero, pictures, spec, gantry.axes), {12, 8, 4, 3, 3});
+  if (!fit || fit->agreement < 0.3)
+    return InputError(
+        "camera {}: the cube is not where the camera file has it, not even nearly; the camera or the cube "
+        "has moved, so calibrate again",
+        camera.id);
+  CubeCheck check;
+  // Residuals of the camera as it is, biases of the classes taken as found.
+  Fit as_is = *fit;
+  as_is.x.cam_from_world = StartOf(at_zero, pictures, spec, gantry.axes).cam_from_world;
+  double sum = 0;
+  for (const Observation& o : fit->observations) {
+    double r;
+    if (o.weight > 0 && Residual(rig, as_is.x, o, r, nullptr)) sum += r * r;
+  }
+  check.rms_px = std::sqrt(sum / std::max(1, fit->used));
+  check.turned_mrad =
+      1e3 *
+      VectorFromRotation(fit->x.cam_from_world.rotation * as_is.x.cam_from_world.rotation.transpose()).norm();
+  check.moved_mm =
+      (fit->x.cam_from_world.Inverse().translation - as_is.x.cam_from_world.Inverse().translation).norm();
+  const MatrixXd covariance = Build(rig, fit->x, fit->observations, false).a.inverse();
+  check.sigma_mrad = 1e3 * std::sqrt(covariance.topLeftCorner<3, 3>().trace());
+  check.sigma_mm = std::sqrt(covariance.block<3, 3>(3, 3).trace());
+  return check;
+}
+
+}  // namespace vss
