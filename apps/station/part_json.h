@@ -1,0 +1,33 @@
+// A part as the station keeps it: product.json's part (vss-product/1), with which line is which contour, the
+// covariance, and what the operator said of it.
+#pragma once
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "vss/identify/placed_object.h"
+#include "vss/product/product.h"
+
+namespace vss::station {
+
+using Json = nlohmann::json;
+
+// Lines that the operator drew have numbers from here on; a picture's own lines count from 0.
+inline constexpr int kFirstDrawnLine = 1000000;
+
+struct StationPart {
+  Part part;
+  bool confirmed = false;              // a person looked and said yes
+  std::string doubt;                   // why a person should look: a sentence; empty where there is no reason
+};
+
+Json JsonOf(const Eigen::Vector3d& v);
+Json JsonOf(const Eigen::Matrix3d& m);
+Json PartToJson(const StationPart& part, const std::vector<std::string>& image_files);
+// Errors name the field. Pictures are found by their file names.
+Result<StationPart> PartFromJson(const Json& json, const std::vector<std::string>& image_files);
+
+// The object of the knowledge base at the part's place: empty `model` where the knowledge base has no such kind.
+PlacedObject PlacedObjectOf(const Part& part, const KnowledgeBase& knowledge);
+
+}  // namespace vss::station

@@ -1,0 +1,382 @@
+#include "routes.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+
+#include "commands.h"
+#include "snap.h"
+#include "station_manual.h"
+#include "station_page.h"
+#include "vss/base/files.h"
+#include "vss/image/grey_image.h"
+
+namespace vss::station {
+namespace {
+
+constexpr int kThumbnailPx = 176;
+constexpr double kBentPx = 0.15;  // a line that the lens bends by more is drawn as a polyline
+constexpr int kMaxHistoryRows = 500;
+
+std::optional<std::int64_t> Number(std::string_view text) {
+  std::int64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || text.empty()) return std::nullopt;
+  return value;
+}
+
+std::int64_t QueryNumber(const Request& request, const std::string& name, std::int64_t otherwise) {
+  const auto at = request.query.find(name);
+  return at == request.query.end() ? otherwise : Number(at->second).value_or(otherwise);
+}
+
+Response NotFound(const std::string& what) { return {404, "application/json", Json{{"error", what}}.dump(), {}}; }
+
+std::string TypeOf(std::string_view name) {
+  auto ends = [&](std::string_view e) { return name.size() >= e.size() && name.substr(name.size() - e.size()) == e; };
+  if (ends(".html")) return "text/html; charset=utf-8";
+  if (ends(".js")) return "text/javascript; charset=utf-8";
+  if (ends(".css")) return "text/css; charset=utf-8";
+  if (ends(".svg")) return "image/svg+xml";
+  return "application/octet-stream";
+}
+
+double Round(double v, double unit) { return std::round(v / unit) * unit; }
+double Round2(double v) { return Round(v, 0.01); }
+
+// [number, u0, v0, u1, v1, contrast, sigma_px, (points between where the lens bends the line)]
+Json LineRow(int number, const LineSegment& s, const Intrinsics& lens) {
+  Json row = {number, Round2(s.start.x()), Round2(s.start.y()), Round2(s.end.x()), Round2(s.end.y()), Round(s.contrast, 0.1), Round(s.sigma_offset_px, 0.001)};
+  auto at = [&](double t) {
+    const Eigen::Vector2d ideal = (1 - t) * s.ideal_start + t * s.ideal_end;
+    return lens.ImgFromNormalized(lens.NormalizedFromIdeal(ideal)).value_or(ideal);
+  };
+  if ((at(0.5) - (s.start + s.end) / 2).norm() > kBentPx)
+    for (double t : {0.2, 0.4, 0.6, 0.8}) {
+      row.push_back(Round2(at(t).x()));
+      row.push_back(Round2(at(t).y()));
+    }
+  return row;
+}
+
+Json ArcRow(int number, const EllipticalArc& a) {
+  return {number, Round2(a.center.x()), Round2(a.center.y()), Round2(a.axes.x()), Round2(a.axes.y()), Round(a.angle_rad, 1e-4),
+          Round(a.from_rad, 1e-4), Round(a.to_rad, 1e-4), Round(a.contrast, 0.1)};
+}
+
+Json UndoJson(std::int64_t edit, const std::string& label) { return edit == 0 ? Json() : Json{{"edit", edit}, {"label", label}}; }
+
+// Distance between two vertices of parts and its sigma; the parts' errors are independent of each other.
+struct VertexAt {
+  Eigen::Vector3d point;
+  Eigen::MatrixXd by_part;  // 3 x (6 + dimensions)
+  Eigen::MatrixXd covariance;
+  std::string part;
+};
+
+Result<VertexAt> FindVertex(const Workspace& workspace, const std::string& text) {
+  const std::size_t colon = text.rfind(':');
+  const auto index = colon == text.npos ? std::nullopt : Number(std::string_view(text).substr(colon + 1));
+  if (!index || *index < 0) return UsageError("a vertex is named PART:NUMBER, not \"{}\"", text);
+  VSS_ASSIGN(const auto found, workspace.FindPart(text.substr(0, colon)));
+  const Part& part = found.first.part;
+  if (std::size_t(*index) >= part.vertices.size()) return UsageError("{} has {} vertices", part.id, part.vertices.size());
+  VertexAt v{part.vertices[std::size_t(*index)], {}, part.covariance, part.id};
+  const PlacedObject object = PlacedObjectOf(part, workspace.knowledge());
+  const Eigen::Index n = part.covariance.rows();
+  v.by_part = Eigen::MatrixXd::Zero(3, n);
+  if (n == 0) return v;
+  v.by_part.leftCols(3).setIdentity();
+  v.by_part.middleCols(3, 3) = -CrossMatrix(v.point - part.world_from_part.translation);
+  if (object.model && n == 6 + Eigen::Index(object.dimensions_mm.size())) {
+    const Solid solid = object.model->InstantiateUnchecked(object.dimensions_mm);
+    if (std::size_t(*index) < solid.vertices.size()) v.by_part.rightCols(n - 6) = part.world_from_part.rotation * solid.vertices[std::size_t(*index)].by_dimension;
+  }
+  return v;
+}
+
+}  // namespace
+
+Response AnswerOf(const Error& error) {
+  const int status = error.code == ErrorCode::kUsage ? 400 : error.code == ErrorCode::kInternal ? 500 : 422;
+  return {status, "application/json", Json{{"error", error.message}}.dump(-1, ' ', false, Json::error_handler_t::replace), {}};
+}
+
+Response AnswerOf(const StoreError& error) {
+  Json body = {{"error", error.message}};
+  if (error.present) body["present"] = {{"kind", error.present->kind}, {"id", error.present->id}, {"version", error.present->version}};
+  return {error.why == StoreError::kFailed ? 500 : 409, "application/json", body.dump(-1, ' ', false, Json::error_handler_t::replace), {}};
+}
+
+Response AnswerOf(const Json& json) { return {200, "application/json", json.dump(-1, ' ', false, Json::error_handler_t::replace), {}}; }
+
+Routes::Routes(Workspace& workspace, std::function<void(const Json&)> tell) : workspace_(workspace), tell_(std::move(tell)) {}
+
+Response Routes::Answer(const Request& request) {
+  try {
+    return Dispatch(request);
+  } catch (const Json::exception& e) {
+    return AnswerOf(Error{ErrorCode::kUsage, std::string("what was asked is malformed: ") + e.what()});
+  }
+}
+
+namespace {
+Response AnswerOf(Result<Json> result) {
+  if (!result) return station::AnswerOf(result.error());
+  return station::AnswerOf(*result);
+}
+}  // namespace
+
+Response Routes::Dispatch(const Request& request) {
+  const std::string& path = request.path;
+  if (path.rfind("/api/", 0) != 0) {
+    if (request.method != "GET") return {405, "application/json", "{\"error\":\"the page is only read\"}", {{"Allow", "GET, HEAD"}}};
+    return Page(request);
+  }
+  const std::string name = path.substr(5);
+  if (request.method == "POST") {
+    Json body = Json::parse(request.body, nullptr, false);
+    if (!body.is_object()) return station::AnswerOf(Error{ErrorCode::kUsage, "what was posted is not a JSON object"});
+    if (name == "command") return RunCommand(workspace_, request, body, tell_);
+    if (name == "fit") return AnswerOf(LiveFit(workspace_, body));
+    if (name == "drawing") return AnswerOf(Drawing(body));
+    return NotFound("there is no such command");
+  }
+  if (name == "survey") return station::AnswerOf(SurveyInfo());
+  if (name == "state") return station::AnswerOf(State(QueryNumber(request, "since", 0)));
+  if (name == "knowledge") return station::AnswerOf(Knowledge());
+  if (name == "scene") return AnswerOf(Scene());
+  if (name == "measure") return AnswerOf(Measure(request));
+  if (name == "history") return station::AnswerOf(History(request));
+  if (name == "manual") return station::AnswerOf(Manual());
+  if (name == "product.json") {
+    Response file{200, "application/json", ProductToJson(workspace_.ProductNow(), workspace_.image_files()), {}};
+    file.headers.emplace_back("Content-Disposition", "attachment; filename=\"product.json\"");
+    return file;
+  }
+  if (name.rfind("pictures/", 0) == 0) {
+    const std::size_t slash = name.find('/', 9);
+    const auto image = Number(std::string_view(name).substr(9, slash == name.npos ? name.npos : slash - 9));
+    const std::string what = slash == name.npos ? "" : name.substr(slash + 1);
+    if (!image || *image < 0 || std::size_t(*image) >= workspace_.survey().images.size()) return NotFound("there is no such picture");
+    if (what == "image") return PictureBytes(int(*image));
+    if (what == "thumb") return Thumbnail(int(*image));
+    if (what == "lines") return AnswerOf(LinesOf(int(*image)));
+    if (what == "projection") return AnswerOf(ProjectionOf(int(*image)));
+  }
+  return NotFound("there is nothing of that name");
+}
+
+Response Routes::Page(const Request& request) const {
+  const std::string name = request.path == "/" ? "index.html" : request.path.substr(1);
+  for (const auto& file : station_page()) {
+    if (file.name != name) continue;
+    const std::string tag = fmt::format("\"{:x}\"", std::hash<std::string_view>{}(file.text));
+    if (request.if_none_match == tag) return {304, TypeOf(name), "", {{"ETag", tag}}};
+    return {200, TypeOf(name), std::string(file.text), {{"ETag", tag}, {"Cache-Control", "no-cache"}}};
+  }
+  if (name == "index.html")
+    return {503, "text/plain; charset=utf-8", "This vss was built without its page: npm was not found. Install npm (Debian: apt install npm) and build again.\n", {}};
+  return NotFound("there is no such page");
+}
+
+Response Routes::PictureBytes(int image) const {
+  const auto& path = workspace_.survey().images[std::size_t(image)].path;
+  const auto picture = ReadImage(path);
+  if (!picture) return station::AnswerOf(picture.error());
+  const std::vector<std::pair<std::string, std::string>> keep = {{"Cache-Control", "private, max-age=3600"}};
+  if (picture->bits() == 8)
+    if (auto bytes = ReadTextFile(path, 256 << 20); bytes && bytes->size() > 4) {
+      if (bytes->compare(0, 4, "\x89PNG") == 0) return {200, "image/png", std::move(*bytes), keep};
+      if (bytes->compare(0, 2, "\xff\xd8") == 0) return {200, "image/jpeg", std::move(*bytes), keep};
+    }
+  const auto png = EncodePng(picture->view());
+  return {200, "image/png", std::string(png.begin(), png.end()), keep};
+}
+
+Response Routes::Thumbnail(int image) {
+  const std::vector<std::pair<std::string, std::string>> keep = {{"Cache-Control", "private, max-age=3600"}};
+  {
+    std::lock_guard lock(mutex_);
+    if (const auto at = thumbnails_.find(image); at != thumbnails_.end()) return {200, "image/jpeg", at->second, keep};
+  }
+  const auto picture = ReadImage(workspace_.survey().images[std::size_t(image)].path);
+  if (!picture) return station::AnswerOf(picture.error());
+  const GreyView view = picture->view();
+  const int factor = std::max(1, std::max(view.width, view.height) / kThumbnailPx);
+  GreyImage small(std::max(1, view.width / factor), std::max(1, view.height / factor), 8);
+  const double scale = 255.0 / view.MaxValue() / (factor * factor);
+  for (int v = 0; v < small.height(); ++v)
+    for (int u = 0; u < small.width(); ++u) {
+      std::int64_t sum = 0;
+      for (int b = 0; b < factor; ++b)
+        for (int a = 0; a < factor; ++a) sum += view.At(std::min(u * factor + a, view.width - 1), std::min(v * factor + b, view.height - 1));
+      small.Row8(v)[u] = static_cast<std::uint8_t>(std::lround(double(sum) * scale));
+    }
+  const auto bytes = EncodeJpeg(small.view(), 82);
+  std::string text(bytes.begin(), bytes.end());
+  std::lock_guard lock(mutex_);
+  thumbnails_[image] = text;
+  return {200, "image/jpeg", std::move(text), keep};
+}
+
+Json Routes::SurveyInfo() const {
+  const Survey& s = workspace_.survey();
+  Json images = Json::array(), cameras = Json::array();
+  for (const auto& image : s.images) {
+    const Eigen::Vector3d center = image.cam_from_world.Inverse().translation;
+    Json one = {{"file", image.file}, {"camera", image.camera}, {"center", JsonOf(center)}, {"rotation", JsonOf(image.cam_from_world.rotation)}};
+    if (image.gantry_mm) one["gantry"] = JsonOf(*image.gantry_mm);
+    images.push_back(std::move(one));
+  }
+  for (const auto& c : s.cameras)
+    cameras.push_back({{"id", c.id}, {"width", c.width_px}, {"height", c.height_px}, {"fx", c.intrinsics.fx_px}, {"fy", c.intrinsics.fy_px},
+                       {"cx", c.intrinsics.cx_px}, {"cy", c.intrinsics.cy_px},
+                       {"residual_px", c.quality ? Json(c.quality->residual_px) : Json()}});
+  return {{"name", s.name}, {"images", images}, {"cameras", cameras}, {"warnings", s.warnings}, {"version", VSS_VERSION}};
+}
+
+Json Routes::State(std::int64_t since) const {
+  const UndoState undo = workspace_.store().State();
+  Json items = Json::array();
+  for (const auto& item : workspace_.store().Since(since)) {
+    if (since == 0 && !item.value) continue;
+    items.push_back({{"kind", item.kind}, {"id", item.id}, {"value", item.value ? *item.value : Json()}, {"version", item.version}});
+  }
+  Json parameters = Json::array();
+  if (const auto options = workspace_.Options())
+    for (const auto& p : SurveyParameters(*options))
+      parameters.push_back({{"name", p.name}, {"type", p.type}, {"unit", p.unit}, {"help", p.help}, {"min", p.min}, {"max", p.max}, {"default", p.default_value}, {"value", p.value}});
+  return {{"revision", undo.revision}, {"since", since}, {"items", items}, {"undo", UndoJson(undo.undo_edit, undo.undo_label)},
+          {"redo", UndoJson(undo.redo_edit, undo.redo_label)}, {"run", workspace_.RunState()}, {"parameters", parameters}};
+}
+
+Result<Json> Routes::LinesOf(int image) {
+  VSS_ASSIGN(const auto lines, workspace_.Lines(image));
+  const Intrinsics& lens = workspace_.survey().cameras[std::size_t(workspace_.survey().images[std::size_t(image)].camera)].intrinsics;
+  Json segments = Json::array(), removed = Json::array(), arcs = Json::array();
+  for (std::size_t i = 0; i < lines->found.segments.size(); ++i)
+    (lines->removed[i] ? removed : segments).push_back(LineRow(int(i), lines->found.segments[i], lens));
+  for (const auto& [number, segment] : lines->drawn) segments.push_back(LineRow(number, segment, lens));
+  for (std::size_t i = 0; i < lines->found.arcs.size(); ++i) arcs.push_back(ArcRow(int(i), lines->found.arcs[i]));
+  return Json{{"segments", segments}, {"removed", removed}, {"arcs", arcs}, {"version", lines->version}, {"noise", Round2(lines->found.noise_sigma)}};
+}
+
+Result<Json> Routes::ProjectionOf(int image) {
+  VSS_ASSIGN(const auto views, workspace_.Views(false));
+  const View& view = views[std::size_t(image)];
+  std::vector<std::pair<std::string, WorldSolid>> solids;
+  Occluders occluders;
+  int owner = 0;
+  for (const auto& p : workspace_.Parts()) {
+    const PlacedObject object = PlacedObjectOf(p.part, workspace_.knowledge());
+    if (!object.model) continue;
+    solids.emplace_back(p.part.id, PlaceSolid(object, false));
+    occluders.Add(solids.back().second, owner++);
+  }
+  Json parts = Json::object();
+  for (const auto& [id, solid] : solids) {
+    const auto pieces = ProjectContour(solid, view, occluders);
+    if (pieces.empty()) continue;
+    Json vertices = Json::array();
+    for (const auto& v : solid.vertices) {
+      const auto img = view.ProjectInside(v.point);
+      const bool seen = img && occluders.Free(view.center_in_world, v.point, 1.0);
+      vertices.push_back(img ? Json{Round2(img->x()), Round2(img->y()), seen ? 1 : 0} : Json());
+    }
+    parts[id] = {{"pieces", PiecesToJson(pieces)}, {"vertices", vertices}};
+  }
+  return Json{{"parts", parts}};
+}
+
+Result<Json> Routes::Scene() {
+  Json parts = Json::array();
+  for (const auto& p : workspace_.Parts()) {
+    const PlacedObject object = PlacedObjectOf(p.part, workspace_.knowledge());
+    Json triangles = Json::array(), edges = Json::array(), vertices = Json::array(), circles = Json::array();
+    if (object.model) {
+      const WorldSolid solid = PlaceSolid(object, false);
+      for (const auto& f : solid.faces)
+        for (const auto& t : f.triangles)
+          for (const auto& v : t) for (int k = 0; k < 3; ++k) triangles.push_back(Round2(v[k]));
+    }
+    for (const auto& v : p.part.vertices) vertices.push_back(JsonOf(v));
+    for (const auto& e : p.part.edges) edges.push_back(e);
+    for (const auto& c : p.part.circles) circles.push_back({{"center", JsonOf(c.center)}, {"normal", JsonOf(c.normal)}, {"radius", c.radius_mm}});
+    parts.push_back({{"id", p.part.id}, {"triangles", triangles}, {"vertices", vertices}, {"edges", edges}, {"circles", circles}});
+  }
+  return Json{{"parts", parts}};
+}
+
+Json Routes::Knowledge() const {
+  Json list = Json::array();
+  for (const auto& o : workspace_.knowledge().objects) {
+    Json dimensions = Json::array(), poses = Json::array();
+    const std::vector<std::optional<double>> nothing(o->dimensions().size());
+    const auto usual = o->UsualDimensions(nothing);
+    for (std::size_t i = 0; i < usual.size(); ++i) {
+      const auto& d = o->dimensions()[i];
+      dimensions.push_back({{"name", d.name}, {"min", d.min_mm}, {"max", d.max_mm}, {"usual", usual[i]}, {"help", d.help}});
+    }
+    for (const auto& p : o->resting_poses()) poses.push_back(p.name);
+    list.push_back({{"kind", o->kind()}, {"title", o->title()}, {"dimensions", dimensions}, {"resting_poses", poses}});
+  }
+  return {{"objects", list}};
+}
+
+Result<Json> Routes::Drawing(const Json& body) const {
+  const std::string kind = body.value("kind", "");
+  const ObjectModel* model = workspace_.knowledge().Find(kind);
+  if (!model) return UsageError("the knowledge base has no kind \"{}\"", kind.substr(0, 40));
+  std::vector<std::optional<double>> known;
+  const Json given = body.value("dimensions", Json::object());
+  for (const auto& d : model->dimensions()) {
+    const auto at = given.find(d.name);
+    known.push_back(at != given.end() && at->is_number() ? std::optional(std::clamp(at->get<double>(), d.min_mm, d.max_mm)) : std::nullopt);
+  }
+  const auto dimensions = model->UsualDimensions(known);
+  const int pose = std::clamp(body.value("resting_pose", 0), 0, int(model->resting_poses().size()) - 1);
+  const ObjectDrawing drawing = DrawObject(*model, dimensions, pose, 240);
+  return Json{{"pieces", PiecesToJson(drawing.pieces)}, {"size", 240}};
+}
+
+Result<Json> Routes::Measure(const Request& request) const {
+  auto text = [&](const char* name) {
+    const auto at = request.query.find(name);
+    return at == request.query.end() ? std::string() : at->second;
+  };
+  VSS_ASSIGN(const auto a, FindVertex(workspace_, text("a")));
+  VSS_ASSIGN(const auto b, FindVertex(workspace_, text("b")));
+  const Eigen::Vector3d d = b.point - a.point;
+  const double distance = d.norm();
+  Json out = {{"distance", distance}, {"delta", JsonOf(d)}, {"sigma", Json()}};
+  if (distance < 1e-9 || a.covariance.size() == 0 || b.covariance.size() == 0) return out;
+  const Eigen::RowVectorXd ja = -(d / distance).transpose() * a.by_part, jb = (d / distance).transpose() * b.by_part;
+  const double variance = a.part == b.part ? ((ja + jb) * a.covariance * (ja + jb).transpose())(0) : (ja * a.covariance * ja.transpose())(0) + (jb * b.covariance * jb.transpose())(0);
+  out["sigma"] = std::sqrt(std::max(0.0, variance));
+  return out;
+}
+
+Json Routes::History(const Request& request) const {
+  Json rows = Json::array();
+  const int limit = int(std::clamp<std::int64_t>(QueryNumber(request, "limit", 100), 1, kMaxHistoryRows));
+  for (const auto& h : workspace_.store().History(QueryNumber(request, "before", 0), limit))
+    rows.push_back({{"revision", h.revision}, {"edit", h.edit}, {"action", h.action}, {"who", h.who}, {"when", h.when}, {"label", h.label}});
+  Json out = {{"rows", rows}};
+  if (const std::int64_t edit = QueryNumber(request, "edit", 0); edit > 0) {
+    Json differences = Json::array();
+    for (const auto& d : workspace_.store().DifferencesOf(edit))
+      differences.push_back({{"kind", d.kind}, {"id", d.id}, {"before", d.before ? *d.before : Json()}, {"after", d.after ? *d.after : Json()}});
+    out["differences"] = differences;
+  }
+  return out;
+}
+
+Json Routes::Manual() const {
+  Json pages = Json::array();
+  for (const auto& file : station_manual()) pages.push_back({{"name", file.name}, {"text", file.text}});
+  return {{"pages", pages}};
+}
+
+}  // namespace vss::station

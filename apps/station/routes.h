@@ -1,0 +1,45 @@
+// What the station answers: the page, pictures, and JSON routes that each are one step of a survey.
+#pragma once
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "http_server.h"
+#include "workspace.h"
+
+namespace vss::station {
+
+class Routes {
+ public:
+  // `tell` sends a JSON message to every open page.
+  Routes(Workspace& workspace, std::function<void(const Json&)> tell);
+  Response Answer(const Request& request);
+
+ private:
+  Response Dispatch(const Request& request);
+  Response Page(const Request& request) const;
+  Response PictureBytes(int image) const;
+  Response Thumbnail(int image);
+  Json SurveyInfo() const;
+  Json State(std::int64_t since) const;
+  Result<Json> LinesOf(int image);
+  Result<Json> ProjectionOf(int image);
+  Result<Json> Scene();
+  Json Knowledge() const;
+  Result<Json> Drawing(const Json& body) const;
+  Result<Json> Measure(const Request& request) const;
+  Json History(const Request& request) const;
+  Json Manual() const;
+
+  Workspace& workspace_;
+  std::function<void(const Json&)> tell_;
+  std::mutex mutex_;
+  std::map<int, std::string> thumbnails_;
+};
+
+// An error as an answer: 400, 422 or 500 by its code.
+Response AnswerOf(const Error& error);
+Response AnswerOf(const StoreError& error);
+Response AnswerOf(const Json& json);
+
+}  // namespace vss::station

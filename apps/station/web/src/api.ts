@@ -1,0 +1,49 @@
+import type { Difference, Fit, HistoryRow, KnownObject, Lines, Piece, Projection, ScenePart, State, Survey } from './types';
+
+export class Refused extends Error {
+  constructor(public status: number, message: string) { super(message); }
+}
+
+let who = 'operator';
+export function setWho(name: string) { who = name; }
+
+async function ask<T>(path: string, body?: object): Promise<T> {
+  let answer: Response;
+  try {
+    answer = await fetch('/api/' + path, body === undefined ? {} : {
+      method: 'POST', headers: { 'Content-Type': 'application/json', 'X-VSS-Who': encodeURIComponent(who) }, body: JSON.stringify(body),
+    });
+  } catch {
+    throw new Refused(0, 'The station does not answer. Is it still running?');
+  }
+  const json = await answer.json().catch(() => ({}));
+  if (!answer.ok) throw new Refused(answer.status, (json as { error?: string }).error ?? `The station answered ${answer.status}.`);
+  return json as T;
+}
+
+export const api = {
+  survey: () => ask<Survey>('survey'),
+  state: (since: number) => ask<State>(`state?since=${since}`),
+  knowledge: () => ask<{ objects: KnownObject[] }>('knowledge'),
+  lines: (image: number) => ask<Lines>(`pictures/${image}/lines`),
+  projection: (image: number) => ask<Projection>(`pictures/${image}/projection`),
+  scene: () => ask<{ parts: ScenePart[] }>('scene'),
+  history: (before = 0, limit = 100) => ask<{ rows: HistoryRow[] }>(`history?before=${before}&limit=${limit}`),
+  differences: (edit: number) => ask<{ differences: Difference[] }>(`history?limit=1&edit=${edit}`),
+  manual: () => ask<{ pages: { name: string; text: string }[] }>('manual'),
+  measure: (a: string, b: string) => ask<{ distance: number; sigma: number | null; delta: [number, number, number] }>(`measure?a=${encodeURIComponent(a)}&b=${encodeURIComponent(b)}`),
+  drawing: (kind: string, dimensions: Record<string, number> = {}, resting_pose = 0) => ask<{ pieces: Piece[]; size: number }>('drawing', { kind, dimensions, resting_pose }),
+  fit: (question: object) => ask<Fit>('fit', question),
+  command: (name: string, args: object = {}) => ask<Record<string, unknown> & { revision: number }>('command', { do: name, ...args }),
+};
+
+// Messages of the server; opens again by itself after the server was away.
+export function listen(message: (m: { type: string; [key: string]: unknown }) => void, connected: (yes: boolean) => void) {
+  const open = () => {
+    const socket = new WebSocket(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/api/live`);
+    socket.onopen = () => connected(true);
+    socket.onmessage = (e) => message(JSON.parse(e.data as string));
+    socket.onclose = () => { connected(false); setTimeout(open, 1000); };
+  };
+  open();
+}

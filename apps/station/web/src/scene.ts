@@ -1,0 +1,225 @@
+// The parts as solids on the ground, with cameras and gantry stops.
+import * as THREE from 'three';
+import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
+import { SVGRenderer } from 'three/addons/renderers/SVGRenderer.js';
+import type { ScenePart, Survey, Vec3 } from './types';
+
+interface Shown { id: string; group: THREE.Group; mesh: THREE.Mesh | null; edges: THREE.LineSegments; vertices: THREE.Points; colour: THREE.Color; data: ScenePart }
+export interface VertexPick { part: string; vertex: number }
+
+const reachPx = 14;
+
+export class SceneDrawing {
+  readonly webgl: boolean;
+  private renderer: THREE.WebGLRenderer | SVGRenderer;
+  private scene = new THREE.Scene();
+  private camera = new THREE.PerspectiveCamera(40, 1, 10, 200000);
+  private controls: OrbitControls;
+  private shown: Shown[] = [];
+  private cameras = new THREE.Group();
+  private frusta: THREE.LineSegments[] = [];
+  private marks = new THREE.Group();
+  private ground = new THREE.Group();
+  private clip = new THREE.Plane(new THREE.Vector3(0, 0, -1), 1e9);
+  private extent = new THREE.Box3();
+  private height = 1000;
+  private measuring = false;
+  private frame = 0;
+  private placed = false;
+  private down: [number, number] | null = null;
+
+  constructor(private box: HTMLElement, select: (id: string) => void, hover: (id: string) => void, vertex: (v: VertexPick) => void) {
+    let renderer: THREE.WebGLRenderer | null = null;
+    try {
+      const gl = document.createElement('canvas').getContext('webgl2');
+      if (gl) renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+    } catch { renderer = null; }
+    this.webgl = renderer !== null;
+    this.renderer = renderer ?? new SVGRenderer();
+    if (renderer) { renderer.setPixelRatio(Math.min(2, devicePixelRatio)); renderer.localClippingEnabled = true; }
+    this.renderer.domElement.setAttribute('aria-hidden', 'true');
+    box.append(this.renderer.domElement);
+    this.camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.camera, box);
+    this.controls.maxPolarAngle = Math.PI * 0.495;
+    this.controls.zoomToCursor = true;
+    this.controls.addEventListener('change', () => this.ask());
+    this.scene.add(new THREE.HemisphereLight(0xdbeaf5, 0x2a3138, 2.1));
+    const sun = new THREE.DirectionalLight(0xffffff, 2.2);
+    sun.position.set(-0.5, -0.8, 1.4);
+    this.scene.add(sun, this.ground, this.cameras, this.marks);
+    box.addEventListener('pointerdown', (e) => { this.down = [e.clientX, e.clientY]; });
+    box.addEventListener('pointerup', (e) => {
+      if (!this.down || Math.hypot(e.clientX - this.down[0], e.clientY - this.down[1]) > 4) return;
+      if (this.measuring) { const v = this.vertexAt(e); if (v) vertex(v); } else select(this.partAt(e));
+    });
+    box.addEventListener('pointermove', (e) => { if (e.buttons === 0) hover(this.partAt(e)); });
+    box.addEventListener('pointerleave', () => hover(''));
+    this.resize();
+  }
+
+  dispose() {
+    this.controls.dispose();
+    if (this.renderer instanceof THREE.WebGLRenderer) { this.renderer.dispose(); this.renderer.forceContextLoss(); }
+    this.renderer.domElement.remove();
+  }
+
+  resize() {
+    const w = Math.max(1, this.box.clientWidth), h = Math.max(1, this.box.clientHeight);
+    this.camera.aspect = w / h;
+    this.camera.updateProjectionMatrix();
+    this.renderer.setSize(w, h);
+    this.ask();
+  }
+
+  setParts(parts: ScenePart[], colourOf: (id: string) => string, survey: Survey) {
+    for (const s of this.shown) this.scene.remove(s.group);
+    this.extent.makeEmpty();
+    this.shown = parts.map((p) => this.makePart(p, new THREE.Color(colourOf(p.id))));
+    for (const s of this.shown) this.scene.add(s.group);
+    if (this.cameras.children.length === 0) this.makeCameras(survey);
+    if (this.extent.isEmpty()) {
+      for (const im of survey.images) this.extent.expandByPoint(new THREE.Vector3(im.center[0], im.center[1], 0));
+      this.extent.expandByVector(new THREE.Vector3(500, 500, 0));
+    }
+    this.height = Math.max(100, this.extent.max.z);
+    this.makeGround();
+    if (!this.placed && parts.length > 0) { this.placed = true; this.home(); }
+    this.ask();
+  }
+
+  private makePart(p: ScenePart, colour: THREE.Color): Shown {
+    const group = new THREE.Group();
+    const points = p.vertices.map((v) => new THREE.Vector3(...v));
+    for (const v of points) this.extent.expandByPoint(v);
+    let mesh: THREE.Mesh | null = null;
+    if (p.triangles.length > 0) {
+      const geometry = new THREE.BufferGeometry();
+      geometry.setAttribute('position', new THREE.Float32BufferAttribute(p.triangles, 3));
+      geometry.computeVertexNormals();
+      geometry.computeBoundingBox();
+      this.extent.union(geometry.boundingBox!);
+      const material = new THREE.MeshStandardMaterial({ color: colour.clone().lerp(new THREE.Color('#aab4bb'), 0.35), roughness: 0.75, metalness: 0.15, side: THREE.DoubleSide, clippingPlanes: [this.clip], polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
+      mesh = new THREE.Mesh(geometry, material);
+      mesh.userData.part = p.id;
+      group.add(mesh);
+    }
+    const ends: number[] = [];
+    for (const [a, b] of p.edges) ends.push(...p.vertices[a], ...p.vertices[b]);
+    for (const c of p.circles) {
+      const normal = new THREE.Vector3(...c.normal).normalize(), u = new THREE.Vector3(Math.abs(normal.x) < 0.9 ? 1 : 0, Math.abs(normal.x) < 0.9 ? 0 : 1, 0).projectOnPlane(normal).normalize(), v = normal.clone().cross(u);
+      for (let k = 0; k < 48; k++) for (const a of [(k * Math.PI) / 24, ((k + 1) * Math.PI) / 24]) {
+        const q = new THREE.Vector3(...c.center).addScaledVector(u, c.radius * Math.cos(a)).addScaledVector(v, c.radius * Math.sin(a));
+        ends.push(q.x, q.y, q.z);
+        this.extent.expandByPoint(q);
+      }
+    }
+    const lines = new THREE.BufferGeometry();
+    lines.setAttribute('position', new THREE.Float32BufferAttribute(ends, 3));
+    const edges = new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: '#0b1115', clippingPlanes: [this.clip] }));
+    const vertices = new THREE.Points(new THREE.BufferGeometry().setFromPoints(points), new THREE.PointsMaterial({ color: '#ffffff', size: 7, sizeAttenuation: false, depthTest: false }));
+    vertices.visible = false;
+    group.add(edges, vertices);
+    return { id: p.id, group, mesh, edges, vertices, colour, data: p };
+  }
+
+  private makeGround() {
+    this.ground.clear();
+    const size = this.extent.getSize(new THREE.Vector3()), span = Math.max(size.x, size.y, 1000) * 1.6, step = 10 ** Math.floor(Math.log10(span / 4));
+    const grid = new THREE.GridHelper(Math.ceil(span / step) * step, Math.ceil(span / step), '#4b6679', '#2a3c49');
+    grid.rotation.x = Math.PI / 2;
+    const c = this.extent.getCenter(new THREE.Vector3());
+    grid.position.set(Math.round(c.x / step) * step, Math.round(c.y / step) * step, -0.5);
+    this.ground.add(grid, new THREE.AxesHelper(step));
+  }
+
+  private makeCameras(survey: Survey) {
+    const stops = new Set<string>();
+    for (const im of survey.images) {
+      const camera = survey.cameras[im.camera], reach = 260, p: number[] = [];
+      const corner = (u: number, v: number): Vec3 => {
+        const d = [((u - camera.cx) / camera.fx) * reach, ((v - camera.cy) / camera.fy) * reach, reach];
+        return [0, 1, 2].map((k) => im.center[k] + im.rotation[0][k] * d[0] + im.rotation[1][k] * d[1] + im.rotation[2][k] * d[2]) as Vec3;
+      };
+      const corners = [corner(0, 0), corner(camera.width, 0), corner(camera.width, camera.height), corner(0, camera.height)];
+      corners.forEach((q, i) => p.push(...im.center, ...q, ...q, ...corners[(i + 1) % 4]));
+      const geometry = new THREE.BufferGeometry();
+      geometry.setAttribute('position', new THREE.Float32BufferAttribute(p, 3));
+      const frustum = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: '#5f8aa6' }));
+      this.frusta.push(frustum);
+      this.cameras.add(frustum);
+      if (im.gantry) stops.add(im.gantry.join());
+    }
+    for (const stop of stops) {  // where the carriage stood, on the ground below the mean of its cameras
+      const at = survey.images.filter((im) => im.gantry?.join() === stop), mean = [0, 1].map((k) => at.reduce((sum, im) => sum + im.center[k], 0) / at.length);
+      const mark = new THREE.Mesh(new THREE.RingGeometry(50, 70, 24), new THREE.MeshBasicMaterial({ color: '#ffb454', side: THREE.DoubleSide }));
+      mark.position.set(mean[0], mean[1], 1);
+      this.cameras.add(mark);
+    }
+  }
+
+  highlight(selected: string, hovered: string) {
+    for (const s of this.shown) {
+      const on = s.id === selected, over = s.id === hovered;
+      if (s.mesh) (s.mesh.material as THREE.MeshStandardMaterial).emissive.copy(s.colour).multiplyScalar(on ? 0.55 : over ? 0.28 : 0);
+      (s.edges.material as THREE.LineBasicMaterial).color.set(on ? '#ffffff' : over ? '#cfe8f5' : this.webgl ? '#0b1115' : '#' + s.colour.getHexString());
+    }
+    this.ask();
+  }
+  highlightCamera(image: number) {
+    this.frusta.forEach((f, i) => (f.material as THREE.LineBasicMaterial).color.set(i === image ? '#35d0ba' : '#5f8aa6'));
+    this.ask();
+  }
+  showCameras(yes: boolean) { this.cameras.visible = yes; this.ask(); }
+  // 100: whole; below, everything above that share of the height is cut away.
+  setSection(percent: number) { this.clip.constant = percent >= 100 ? 1e9 : (this.height * percent) / 100 + 0.01; this.ask(); }
+  setMeasuring(yes: boolean) { this.measuring = yes; for (const s of this.shown) s.vertices.visible = yes; this.ask(); }
+  setMarks(marks: VertexPick[]) {
+    this.marks.clear();
+    const at = marks.map((m) => this.shown.find((s) => s.id === m.part)?.data.vertices[m.vertex]).filter((v) => v !== undefined).map((v) => new THREE.Vector3(...v));
+    const points = new THREE.Points(new THREE.BufferGeometry().setFromPoints(at), new THREE.PointsMaterial({ color: '#ff5d8f', size: 13, sizeAttenuation: false, depthTest: false }));
+    this.marks.add(points);
+    if (at.length === 2) this.marks.add(new THREE.Line(new THREE.BufferGeometry().setFromPoints(at), new THREE.LineBasicMaterial({ color: '#ff5d8f', depthTest: false })));
+    this.ask();
+  }
+
+  private look(direction: THREE.Vector3) {
+    const sphere = this.extent.getBoundingSphere(new THREE.Sphere());
+    const distance = (sphere.radius || 1000) / Math.sin(((this.camera.fov * Math.PI) / 180) * 0.5) / Math.min(1, this.camera.aspect);
+    this.controls.target.copy(sphere.center);
+    this.camera.position.copy(sphere.center).addScaledVector(direction.normalize(), distance * 0.85);
+    this.camera.near = distance / 100; this.camera.far = distance * 20;
+    this.camera.updateProjectionMatrix();
+    this.controls.update();
+    this.ask();
+  }
+  home() { this.look(new THREE.Vector3(-0.55, -0.75, 0.62)); }
+  top() { this.look(new THREE.Vector3(0, -0.001, 1)); }
+
+  private ray(e: PointerEvent): THREE.Raycaster {
+    const r = this.box.getBoundingClientRect(), ray = new THREE.Raycaster();
+    ray.setFromCamera(new THREE.Vector2(((e.clientX - r.left) / r.width) * 2 - 1, -((e.clientY - r.top) / r.height) * 2 + 1), this.camera);
+    return ray;
+  }
+  private partAt(e: PointerEvent): string {
+    const meshes = this.shown.map((s) => s.mesh).filter((m) => m !== null);
+    const hit = this.ray(e).intersectObjects(meshes, false).find((h) => this.clip.distanceToPoint(h.point) >= 0);
+    return (hit?.object.userData.part as string | undefined) ?? '';
+  }
+  private vertexAt(e: PointerEvent): VertexPick | null {
+    const r = this.box.getBoundingClientRect();
+    let best: VertexPick | null = null, least = reachPx;
+    for (const s of this.shown) s.data.vertices.forEach((v, i) => {
+      const p = new THREE.Vector3(...v).project(this.camera);
+      if (p.z > 1) return;
+      const distance = Math.hypot(((p.x + 1) / 2) * r.width - (e.clientX - r.left), ((1 - p.y) / 2) * r.height - (e.clientY - r.top));
+      if (distance < least) { least = distance; best = { part: s.id, vertex: i }; }
+    });
+    return best;
+  }
+
+  private ask() {
+    if (this.frame) return;
+    this.frame = requestAnimationFrame(() => { this.frame = 0; this.renderer.render(this.scene, this.camera); });
+  }
+}

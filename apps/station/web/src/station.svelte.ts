@@ -1,0 +1,319 @@
+// The state of the page: what the server says, and what the operator looks at.
+import { api, listen, Refused, setWho } from './api';
+import { LineIndex, type ColourBy, type Found } from './lines';
+import { tasksOf, type Unknown } from './queue';
+import { t } from './texts';
+import type { Fit, Hint, Item, KnownObject, Lines, Parameter, Part, Pick, Projection, Run, ScenePart, State, Survey } from './types';
+
+export type Tab = 'parts' | 'todo' | 'build' | 'parameters' | 'history' | 'help';
+export type Tool = 'look' | 'draw' | 'split' | 'extend' | 'merge' | 'remove';
+export type ViewMode = 'picture' | 'scene' | 'both';
+export interface Layers { picture: boolean; lines: boolean; parts: boolean; hidden: boolean; residuals: boolean; vertices: boolean }
+export interface Toast { text: string; bad: boolean; id: number }
+export interface LoadedLines extends Lines { index: LineIndex; stamp: string }
+
+export interface Build {
+  kind: string; part: string; standsOn: string; restingPose: string; picks: Pick[]; fixed: Record<string, number>; contour: { index: number; circle: boolean } | null;
+}
+
+function remembered<T>(name: string, otherwise: T): T {
+  try { return { ...otherwise, ...(JSON.parse(localStorage.getItem('vss.' + name) ?? 'null') as T) }; } catch { return otherwise; }
+}
+function remember(name: string, value: unknown) {
+  try { localStorage.setItem('vss.' + name, JSON.stringify(value)); } catch { /* a private window keeps nothing */ }
+}
+
+class Station {
+  survey = $state.raw<Survey | null>(null);
+  objects = $state.raw<KnownObject[]>([]);
+  items = $state.raw<Map<string, Item>>(new Map());
+  revision = $state(0);
+  undo = $state.raw<State['undo']>(null);
+  redo = $state.raw<State['redo']>(null);
+  run = $state.raw<Run>({ state: 'none' });
+  parameters = $state.raw<Parameter[]>([]);
+  connected = $state(true);
+  fatal = $state('');
+  toasts = $state<Toast[]>([]);
+
+  image = $state(0);
+  selected = $state('');                 // a part
+  hovered = $state('');
+  line = $state<Found | null>(null);     // a line of the present picture
+  tab = $state<Tab>('parts');
+  tool = $state<Tool>('look');
+  view = $state<ViewMode>('picture');
+  layers = $state<Layers>({ picture: true, lines: true, parts: true, hidden: true, residuals: false, vertices: false });
+  colourBy = $state<ColourBy>('strength');
+  contrast = $state(1);
+  gamma = $state(1);
+  magnify = $state(40);
+  who = $state('operator');
+  helpPage = $state('');
+  showKeys = $state(false);
+  guide = $state(-1);
+  guideDone = $state<Record<string, boolean>>({});
+
+  lines = $state.raw<Map<number, LoadedLines>>(new Map());
+  projections = $state.raw<Map<number, Projection & { revision: number }>>(new Map());
+  scene = $state.raw<{ parts: ScenePart[]; revision: number }>({ parts: [], revision: -1 });
+
+  build = $state<Build | null>(null);
+  fit = $state.raw<Fit | null>(null);
+  fitError = $state('');
+
+  // Set by the picture view: brings a box of the picture (px) into view.
+  show: ((u0: number, v0: number, u1: number, v1: number) => void) | null = null;
+
+  parts = $derived([...this.items.values()].filter((i) => i.kind === 'part').map((i) => i.value as Part)
+    .sort((a, b) => a.id.localeCompare(b.id, 'en', { numeric: true })));
+  part = $derived(this.parts.find((p) => p.id === this.selected) ?? null);
+  unknown = $derived(((this.items.get('settings/run')?.value as { unknown?: Unknown[] } | undefined)?.unknown ?? []));
+  tasks = $derived(tasksOf(this.parts, this.unknown));
+  // Which part uses a line: "image:line" -> part; arcs as "image:a:line".
+  users = $derived.by(() => {
+    const users = new Map<string, string>(), files = new Map(this.survey?.images.map((im, i) => [im.file, i]) ?? []);
+    for (const p of this.parts) for (const m of p.matches) users.set(`${files.get(m.image)}:${m.arc ? 'a:' : ''}${m.line}`, p.id);
+    return users;
+  });
+  partOfLine(image: number, line: number, circle: boolean) { return this.users.get(`${image}:${circle ? 'a:' : ''}${line}`); }
+
+  version(kind: string, id: string): number { return this.items.get(`${kind}/${id}`)?.version ?? 0; }
+  fileOf(image: number) { return this.survey?.images[image]?.file ?? ''; }
+  imageOf(file: string) { return this.survey?.images.findIndex((i) => i.file === file) ?? -1; }
+
+  async start() {
+    const kept = remembered('page', { image: 0, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, contrast: 1, gamma: 1 });
+    Object.assign(this, { layers: { ...this.layers, ...kept.layers }, colourBy: kept.colourBy, who: kept.who, view: kept.view, contrast: kept.contrast, gamma: kept.gamma });
+    setWho(this.who);
+    try {
+      this.survey = await api.survey();
+      this.image = Math.min(kept.image, this.survey.images.length - 1);
+      await this.refresh();
+      this.objects = (await api.knowledge()).objects;
+    } catch (e) {
+      this.fatal = (e as Error).message;
+      return;
+    }
+    const open = remembered<{ build: Build | null; survey: string }>('build', { build: null, survey: '' });
+    if (open.build && open.survey === this.survey.name) { this.build = open.build; this.tab = 'build'; void this.ask(); }
+    listen((m) => this.hear(m), (yes) => {
+      if (yes && !this.connected) void this.refresh();
+      this.connected = yes;
+    });
+    void this.loadAllLines();
+  }
+
+  keep() {
+    remember('page', { image: this.image, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, contrast: this.contrast, gamma: this.gamma });
+    remember('build', { build: this.build, survey: this.survey?.name });
+  }
+  setName(name: string) { this.who = name.trim() || 'operator'; setWho(this.who); this.keep(); }
+
+  say(text: string, bad = false) {
+    const id = Math.random();
+    this.toasts = [...this.toasts.slice(-3), { text, bad, id }];
+    setTimeout(() => (this.toasts = this.toasts.filter((x) => x.id !== id)), bad ? 9000 : 4500);
+  }
+
+  private hear(m: { type: string; [key: string]: unknown }) {
+    if (m.type === 'run') {
+      this.run = m.run as Run;
+      if (this.run.state === 'done') this.say(t.runDone(this.run.message ?? ''));
+      if (this.run.state === 'failed') this.say(t.runFailed(this.run.message ?? ''), true);
+      if (this.run.state === 'cancelled') this.say(t.runCancelled);
+      if (this.run.state === 'done') { this.guideDone.run = true; void this.refresh(); }
+    }
+    if (m.type === 'edit' && (m.revision as number) > this.revision) {
+      if (m.who !== this.who) this.say(t.othersEdit(String(m.who)));
+      void this.refresh();
+    }
+  }
+
+  private refreshing: Promise<void> = Promise.resolve();
+  refresh(): Promise<void> { return (this.refreshing = this.refreshing.catch(() => {}).then(() => this.fetchState())); }
+
+  private async fetchState() {
+    const state = await api.state(this.revision);
+    const items = new Map(this.items);
+    for (const item of state.items) {
+      if (item.value === null) items.delete(`${item.kind}/${item.id}`); else items.set(`${item.kind}/${item.id}`, item);
+    }
+    this.items = items;
+    this.revision = state.revision;
+    this.undo = state.undo; this.redo = state.redo; this.run = state.run; this.parameters = state.parameters;
+    if (this.selected && !items.has(`part/${this.selected}`)) this.selected = '';
+    void this.loadPicture(this.image);
+    if (this.view !== 'picture') void this.loadScene();
+  }
+
+  // Lines change with the run's parameters and with the operator's edits of that picture.
+  private linesStamp(image: number) { return `${this.version('settings', 'run')}:${this.version('lines', this.fileOf(image))}`; }
+
+  async loadLines(image: number) {
+    const stamp = this.linesStamp(image);
+    if (this.lines.get(image)?.stamp === stamp) return;
+    const lines = await api.lines(image);
+    this.lines = new Map(this.lines).set(image, { ...lines, index: new LineIndex(lines), stamp });
+  }
+
+  async loadPicture(image: number) {
+    try {
+      await this.loadLines(image);
+      if (this.projections.get(image)?.revision === this.revision) return;
+      const revision = this.revision, projection = await api.projection(image);
+      this.projections = new Map(this.projections).set(image, { ...projection, revision });
+    } catch (e) { this.say((e as Error).message, true); }
+  }
+
+  private async loadAllLines() {
+    for (let i = 0; i < (this.survey?.images.length ?? 0); i++) await this.loadLines(i).catch(() => {});
+  }
+
+  async loadScene() {
+    if (this.scene.revision === this.revision) return;
+    const revision = this.revision;
+    this.scene = { ...(await api.scene()), revision };
+  }
+
+  go(image: number) {
+    const n = this.survey?.images.length ?? 0;
+    if (n === 0) return;
+    this.image = ((image % n) + n) % n;
+    this.line = null;
+    this.guideDone.look = true;
+    this.keep();
+    void this.loadPicture(this.image);
+  }
+
+  select(id: string) {
+    this.selected = id;
+    if (id) this.guideDone.select = true;
+  }
+
+  // The picture that shows a part best: the one with most of its lines.
+  bestImageOf(part: Part): number {
+    const count = new Map<string, number>();
+    for (const m of part.matches) count.set(m.image, (count.get(m.image) ?? 0) + 1);
+    const best = [...count].sort((a, b) => b[1] - a[1])[0]?.[0] ?? part.images[0];
+    return best ? this.imageOf(best) : this.image;
+  }
+
+  async nextTask() {
+    if (this.tasks.length === 0) { this.say(t.queue.empty); this.tab = 'todo'; return; }
+    const at = this.tasks.findIndex((x) => x.id === this.selected);
+    await this.openTask(this.tasks[(at + 1) % this.tasks.length].id);
+  }
+
+  async openTask(id: string) {
+    this.tab = 'todo';
+    this.guideDone.doubt = true;
+    const part = this.parts.find((p) => p.id === id);
+    this.selected = id;
+    if (part) await this.showPart(part);
+  }
+
+  async showPart(part: Part) {
+    const best = this.bestImageOf(part);
+    if (best >= 0) this.go(best);
+    await this.loadPicture(this.image);
+    const pieces = this.projections.get(this.image)?.parts[part.id]?.pieces ?? [];
+    const points = pieces.flatMap((p) => p.points);
+    if (points.length < 4) return;
+    const us = points.filter((_, i) => i % 2 === 0), vs = points.filter((_, i) => i % 2 === 1);
+    this.show?.(Math.min(...us), Math.min(...vs), Math.max(...us), Math.max(...vs));
+  }
+
+  // One edit; what the server refuses is said, and what somebody else changed is fetched.
+  async command(name: string, args: object = {}): Promise<(Record<string, unknown> & { revision: number }) | null> {
+    try {
+      const answer = await api.command(name, args);
+      if (answer.revision) { this.guideDone.edit ||= name === 'undo'; await this.refresh(); }
+      return answer;
+    } catch (e) {
+      const refused = e as Refused;
+      this.say(refused.status === 409 ? t.conflict(refused.message) : refused.message, true);
+      if (refused.status === 409) await this.refresh();
+      return null;
+    }
+  }
+  undoIt() { if (this.undo) void this.command('undo', { edit: this.undo.edit }); }
+  redoIt() { if (this.redo) void this.command('redo', { edit: this.redo.edit }); }
+  confirm(part: Part, confirmed = true) { return this.command('confirm_part', { part: part.id, confirmed, version: this.version('part', part.id) }); }
+  remove(part: Part) { return this.command('delete_part', { part: part.id, version: this.version('part', part.id) }); }
+
+  // ---- by hand ----
+  startBuild(kind = '') {
+    this.build = { kind, part: '', standsOn: 'ground', restingPose: '', picks: [], fixed: {}, contour: null };
+    this.fit = null; this.fitError = '';
+    this.tab = 'build'; this.tool = 'look';
+    if (this.view === 'scene') this.view = 'both';
+  }
+  correct(part: Part) {
+    const picks = part.matches.map((m) => ({ image: this.imageOf(m.image), line: m.line, contour: m.edge, circle: m.arc, residual_px: m.residual_px }));
+    const fixed = Object.fromEntries(Object.entries(part.dimensions).filter(([, d]) => d.origin === 'given by the operator').map(([n, d]) => [n, d.value]));
+    this.build = { kind: part.kind, part: part.id, standsOn: part.stands_on, restingPose: part.resting_pose, picks, fixed, contour: null };
+    this.fit = null; this.fitError = '';
+    this.tab = 'build'; this.tool = 'look';
+    this.selected = part.id;
+    void this.ask();
+  }
+  stopBuild() { this.build = null; this.fit = null; this.fitError = ''; this.tab = 'parts'; this.keep(); }
+
+  private question(collect = false) {
+    const b = this.build!;
+    return {
+      kind: b.kind, part: b.part || undefined, stands_on: b.standsOn, resting_pose: b.restingPose || undefined, fixed: b.fixed, collect,
+      picks: b.picks.map(({ image, line, contour, circle }) => ({ image, line, contour, circle })),
+    };
+  }
+
+  private asked = 0;
+  async ask(collect = false) {
+    if (!this.build || !this.build.kind || this.build.picks.length === 0) { this.fit = null; this.keep(); return; }
+    const asked = ++this.asked;
+    try {
+      const fit = await api.fit(this.question(collect));
+      if (asked !== this.asked || !this.build) return;
+      this.fit = fit; this.fitError = '';
+      this.build.picks = fit.picks;
+    } catch (e) {
+      if (asked === this.asked) this.fitError = (e as Error).message;
+    }
+    this.keep();
+  }
+
+  pick(line: number, circle: boolean) {
+    const b = this.build;
+    if (!b) return;
+    const had = b.picks.findIndex((p) => p.image === this.image && p.line === line && p.circle === circle);
+    if (had >= 0) {  // a second click takes the line out
+      b.picks.splice(had, 1);
+      void this.ask();
+      return;
+    }
+    if (!b.contour) { this.say(t.build.contourHint); return; }
+    if (b.contour.circle !== circle) { this.say(b.contour.circle ? 'This contour is a rim: click a curved line.' : 'This contour is straight: click a straight line.', true); return; }
+    b.picks.push({ image: this.image, line, contour: b.contour.index, circle });
+    this.advance?.();
+    void this.ask();
+  }
+  advance: (() => void) | null = null;  // set by the build panel: goes to the contour to pick next
+
+  async savePart() {
+    if (!this.build || !this.fit?.placed) return;
+    const b = this.build;
+    const saved = await this.command('save_part', { ...this.question(), part: b.part || undefined, version: b.part ? this.version('part', b.part) : undefined });
+    if (!saved) return;
+    this.stopBuild();
+    this.select(String(saved.part));
+    this.tab = 'parts';
+  }
+
+  goHint(hint: Hint) {
+    if (this.build) this.build.contour = { index: hint.contour, circle: hint.circle };
+    this.go(hint.image);
+  }
+}
+
+export const station = new Station();

@@ -1,0 +1,78 @@
+// Every text of the page, in one place.
+const plural = (n: number, one: string, many = one + 's') => `${n} ${n === 1 ? one : many}`;
+
+export const t = {
+  title: 'VSS station',
+  pictures: 'Pictures',
+  views: { picture: 'Picture', scene: '3D', both: 'Both' },
+  undo: 'Undo', redo: 'Redo', undoWhat: (label: string) => `Undo: ${label}`, redoWhat: (label: string) => `Redo: ${label}`,
+  run: 'Run survey', runAgain: 'Run again', cancel: 'Cancel', running: (step: string, done: number, total: number) => `${stepNames[step] ?? step} ${done} of ${total}`,
+  runDone: (m: string) => `Survey finished: ${m}.`, runFailed: (m: string) => `The survey stopped: ${m}`, runCancelled: 'The survey was cancelled. Nothing changed.',
+  export: 'Export', exportProduct: 'Product data (product.json)', shortcuts: 'Keyboard shortcuts', guide: 'First survey, step by step',
+  offline: 'The station does not answer. Your confirmed edits are saved; the page goes on by itself when it is back.',
+  conflict: (m: string) => `Not saved: ${m}.`,
+  othersEdit: (who: string) => `${who} changed the survey.`,
+  tabs: { parts: 'Parts', todo: 'To do', build: 'By hand', parameters: 'Parameters', history: 'History', help: 'Help' },
+  strip: { lines: (n: number) => plural(n, 'line'), parts: (n: number) => plural(n, 'part'), doubtful: (n: number) => `${n} doubtful`, none: 'no part yet', loading: '…' },
+  layers: {
+    title: 'Layers', picture: 'Grey picture', lines: 'Lines', parts: 'Parts', hidden: 'Hidden edges', residuals: 'Residuals', vertices: 'Vertices',
+    colourBy: 'Colour lines by', strength: 'strength', use: 'use', part: 'part', contrast: 'Contrast', gamma: 'Gamma', magnify: 'Residuals magnified',
+  },
+  tools: {
+    title: 'Tools', look: 'Look and pick', draw: 'Draw a missing line', split: 'Split a line', extend: 'Extend a line', merge: 'Merge two lines', remove: 'Remove the line',
+    hint: {
+      look: 'Click a part or a line. Wheel zooms, drag pans.', draw: 'Drag along the edge: the line snaps to it.', split: 'Click where the line is to be split.',
+      extend: 'Click beyond the end of a line: its nearer end moves there.', merge: 'Click two lines that are one edge.', remove: 'Click a line to remove it.',
+      build: 'Click the line that shows the highlighted contour.',
+    } as Record<string, string>,
+  },
+  pointer: (u: number, v: number, g: number | null) => `u ${u.toFixed(1)}  v ${v.toFixed(1)}${g === null ? '' : `  grey ${g}`}`,
+  zoom: (s: number) => `${Math.round(s * 100)} %`, fitView: 'Show the whole picture', zoomIn: 'Zoom in', zoomOut: 'Zoom out', previous: 'Previous picture', next: 'Next picture',
+  overlap: (i: number, n: number) => `line ${i} of ${n} here; Tab goes to the next`,
+  parts: {
+    none: 'No parts yet.', noneHint: 'Run the survey, or build a part by hand.', source: { automatic: 'automatic', corrected: 'corrected', manual: 'by hand' },
+    doubtful: 'doubtful', confirmed: 'confirmed', confirm: 'Confirm', unconfirm: 'Take back', correct: 'Correct lines', remove: 'Delete', refit: 'Fit again',
+    kind: 'Other kind…', split: 'Split', merge: 'Merge with…', dimension: 'Dimension', value: 'mm', sigma: '± 2σ', notObservable: 'not observable', given: 'given',
+    position: 'Position', yaw: 'Turned by', residual: 'Residual', seenIn: 'Used in', standsOn: 'Stands on', runnerUp: (kind: string, mine: number, other: number) => `Second best: ${kind} (${other.toFixed(0)} against ${mine.toFixed(0)})`,
+    pictures: (n: number) => plural(n, 'picture'), lines: (n: number) => plural(n, 'line'), ground: 'the ground', total: (n: number) => plural(n, 'part'),
+    origin: (o: string) => o,
+  },
+  queue: {
+    title: 'What needs you', empty: 'Nothing is doubtful.', emptyHint: 'Every part is sure or confirmed.', next: 'Next doubtful part', doubtful: 'Little speaks for it.',
+    hidden: (names: string[]) => `No picture shows its ${names.join(', ')}.`, unknown: (n: number) => `${plural(n, 'line')} here look like an object that no knowledge base describes.`,
+  },
+  build: {
+    title: 'Build a part by hand', correct: (id: string) => `Correct ${id}`, chooseKind: 'What is it?', contourHint: 'Click a contour in the drawing, then its line in a picture.',
+    nextContour: 'Next contour', picks: (n: number) => plural(n, 'line') + ' picked', collect: 'Take all lines that fit', save: 'Save part', stop: 'Stop', live: (ms: number) => `fitted in ${ms.toFixed(0)} ms`,
+    notPlaced: 'Not placed yet: pick more edges that run in different directions.', hint: (d: string, picture: string) => `${d} is not observable yet. The highlighted contour in ${picture} would show it.`, show: 'Show it',
+    drop: 'Drop this line', dropLast: 'Drop the last line', fix: 'Give', fixLabel: (d: string) => `Give ${d} in mm`, standsOn: 'Stands on', pose: 'Lies', rms: (v: number) => `residual ${v.toFixed(2)} px`, propose: 'Propose contours', lines: 'Lines picked',
+    start: 'New part by hand', noKinds: 'The knowledge base of this survey is empty.',
+  },
+  parameters: { title: 'Parameters of the next run', reset: 'Default', changed: 'changed', search: 'Find a parameter', range: (a: number, b: number, u: string) => `${a} to ${b}${u ? ' ' + u : ''}`, rerun: 'Run with these', none: 'No parameter matches.' },
+  history: {
+    title: 'Who changed what', name: 'Your name', action: { edit: '', undo: 'undid: ', redo: 'did again: ' }, more: 'Earlier', changes: 'What changed', none: 'Nothing was changed yet.',
+    added: 'added', removed: 'removed', changed: 'changed', noChanges: 'No part changed.',
+  },
+  help: { title: 'Help', search: 'Search the manual', none: 'Nothing found.', back: 'All pages', empty: 'This program was built without its manual.' },
+  scene: {
+    reset: 'Reset view', top: 'From above', section: 'Section', sectionOff: 'no section', measure: 'Measure', measureHint: 'Click two vertices.', cameras: 'Cameras', empty: 'Nothing to show yet.', result: (d: number, s: number | null) => `${d.toFixed(2)} mm${s === null ? '' : ` ± ${(2 * s).toFixed(2)} mm (2σ)`}`,
+    delta: (d: number[]) => `Δx ${d[0].toFixed(1)}  Δy ${d[1].toFixed(1)}  Δz ${d[2].toFixed(1)} mm`, noWebgl: 'This browser has no WebGL: the 3D view is drawn as lines.',
+  },
+  guideSteps: [
+    { key: 'look', title: 'Look at the pictures', text: 'The strip on the left shows every picture. Click some of them; zoom with the wheel, drag to move.' },
+    { key: 'run', title: 'Run the survey', text: 'The button “Run survey” finds lines, then parts. The bar at the top shows how far it is.' },
+    { key: 'select', title: 'Look at a part', text: 'Click a part in a picture, in the list or in 3D: it lights up everywhere, with its dimensions and how sure they are.' },
+    { key: 'doubt', title: 'Go through what is doubtful', text: 'Press N. Each part that needs a person says why. Confirm it, correct its lines, or delete it.' },
+    { key: 'edit', title: 'Change something, and undo it', text: 'Confirm or delete a part, then press Ctrl+Z. Everything can be undone, also tomorrow.' },
+    { key: 'export', title: 'Take the result with you', text: '“Export” writes the product data: parts, dimensions, sigmas.' },
+  ],
+  guideDone: 'You have seen all of it. The manual is under Help.', close: 'Close', skip: 'Close the guide', step: (i: number, n: number) => `Step ${i} of ${n}`,
+  keys: [
+    ['?', 'These shortcuts'], ['1 2 3', 'Picture, 3D, both'], ['PageUp PageDown', 'Previous and next picture'], ['+ − 0', 'Zoom in, out, whole picture'], ['Arrows', 'Move the picture'],
+    ['G L P H R V', 'Layers: grey, lines, parts, hidden edges, residuals, vertices'], ['K', 'Colour of the lines: strength, use, part'], ['N', 'Next doubtful part'], ['C', 'Confirm the selected part'],
+    ['B', 'New part by hand'], ['E', 'Correct the lines of the selected part'], ['Enter', 'Save the part that is being built'], ['A', 'Take all lines that fit'], ['D', 'Draw a missing line'], ['S X M', 'Split, extend, merge lines'],
+    ['Delete', 'Delete the selected part, or remove the selected line'], ['Tab', 'Next line where lines lie on each other (pointer over the picture)'], ['Ctrl+Z  Ctrl+Y', 'Undo, redo'], ['F1', 'Help'], ['Esc', 'Back'],
+  ] as [string, string][],
+};
+
+const stepNames: Record<string, string> = { start: 'Starting', lines: 'Finding lines, picture', identify: 'Identifying, step', reconstruct: 'Measuring, step', knowledge: 'Reading knowledge', product: 'Writing' };

@@ -1,0 +1,399 @@
+#include "workspace.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "snap.h"
+#include "vss/image/grey_image.h"
+
+namespace vss::station {
+namespace {
+
+using Eigen::Vector2d;
+
+constexpr double kSamePlaceMm = 60;     // two findings of one object lie nearer than that, and less than
+constexpr double kSamePlaceShare = 0.25;  // that share of its smaller extent
+
+std::optional<std::string> BadDrawnLine(const LineSegment& s) {
+  if (!s.start.allFinite() || !s.end.allFinite()) return "its ends are not numbers";
+  if ((s.end - s.start).norm() < 2) return "it is shorter than 2 px";
+  return std::nullopt;
+}
+
+LineSegment DrawnFromJson(const Json& j, const Intrinsics& lens) {
+  LineSegment s;
+  s.start = Vector2d(j.at("start").at(0).get<double>(), j.at("start").at(1).get<double>());
+  s.end = Vector2d(j.at("end").at(0).get<double>(), j.at("end").at(1).get<double>());
+  s.sigma_offset_px = j.value("sigma_px", 0.3);
+  s.contrast = j.value("contrast", 0.0);
+  s.sigma_angle_rad = std::sqrt(12.0) * s.sigma_offset_px / std::max(1.0, (s.end - s.start).norm());
+  Straighten(lens, s);
+  return s;
+}
+
+EditedLines Edit(const LineImage& found, const Json& edits, const Intrinsics& lens) {
+  EditedLines out;
+  out.found = found;
+  out.removed.assign(found.segments.size(), false);
+  for (const auto& r : edits.value("removed", Json::array())) {
+    const std::size_t i = r.at("line").get<std::size_t>();
+    // The number holds only while the detector's parameters are the same: the place decides.
+    if (i < found.segments.size() && (found.segments[i].start - Vector2d(r.at("start").at(0).get<double>(), r.at("start").at(1).get<double>())).norm() < 0.5) out.removed[i] = true;
+  }
+  for (const auto& d : edits.value("drawn", Json::array())) {
+    const LineSegment s = DrawnFromJson(d, lens);
+    if (!BadDrawnLine(s)) out.drawn[d.at("line").get<int>()] = s;
+  }
+  return out;
+}
+
+std::vector<Vector2d> ArcPoints(const EllipticalArc& a) {
+  std::vector<Vector2d> points;
+  constexpr int kPoints = 9;
+  const Eigen::Rotation2Dd turn(a.ideal_angle_rad);
+  for (int k = 0; k < kPoints; ++k) {
+    const double t = a.ideal_from_rad + (a.ideal_to_rad - a.ideal_from_rad) * (k + 0.5) / kPoints;
+    points.push_back(a.ideal_center + turn * Vector2d(a.ideal_axes.x() * std::cos(t), a.ideal_axes.y() * std::sin(t)));
+  }
+  return points;
+}
+
+Pick PickOfArc(int image, int line, const EllipticalArc& arc) {
+  Pick pick;
+  pick.image = image;
+  pick.line = line;
+  pick.is_circle = true;
+  pick.ideal_points = ArcPoints(arc);
+  pick.sigma_offset_px = std::max(0.02, arc.rms_distance_px / std::sqrt(std::max(1, arc.num_points)));
+  return pick;
+}
+
+Pick PickOfSegment(int image, int line, const LineSegment& s) {
+  Pick pick;
+  pick.image = image;
+  pick.line = line;
+  pick.ideal_start = s.ideal_start;
+  pick.ideal_end = s.ideal_end;
+  pick.sigma_offset_px = s.sigma_offset_px;
+  pick.sigma_angle_rad = s.sigma_angle_rad;
+  return pick;
+}
+
+Eigen::AlignedBox3d BoxOf(const Part& part) {
+  Eigen::AlignedBox3d box;
+  for (const auto& v : part.vertices) box.extend(v);
+  for (const auto& c : part.circles) {
+    box.extend(Eigen::Vector3d(c.center - Eigen::Vector3d::Constant(c.radius_mm)));
+    box.extend(Eigen::Vector3d(c.center + Eigen::Vector3d::Constant(c.radius_mm)));
+  }
+  return box;
+}
+
+bool SamePlace(const Part& a, const Part& b) {
+  const Eigen::AlignedBox3d x = BoxOf(a), y = BoxOf(b);
+  if (x.isEmpty() || y.isEmpty()) return false;
+  const double extent = std::min(x.sizes().head<2>().norm(), y.sizes().head<2>().norm());
+  return (x.center() - y.center()).norm() < std::max(kSamePlaceMm, kSamePlaceShare * extent);
+}
+
+bool KeptByPerson(const StationPart& p) { return p.confirmed || p.part.source != "automatic"; }
+
+Eigen::Vector3d VectorOf(const Json& j) { return {j.at(0).get<double>(), j.at(1).get<double>(), j.at(2).get<double>()}; }
+
+Json JsonOfUnknown(const UnknownGroup& u) { return {{"center", JsonOf(u.center)}, {"extent", JsonOf(u.extent)}, {"num_lines", u.num_lines}}; }
+
+}  // namespace
+
+const LineSegment* EditedLines::Find(int line) const {
+  if (const auto at = drawn.find(line); at != drawn.end()) return &at->second;
+  if (line < 0 || std::size_t(line) >= found.segments.size() || removed[std::size_t(line)]) return nullptr;
+  return &found.segments[std::size_t(line)];
+}
+
+void Straighten(const Intrinsics& lens, LineSegment& s) {
+  auto ideal = [&](const Vector2d& img) {
+    const auto n = lens.NormalizedFromImg(img);
+    return n ? lens.IdealFromNormalized(*n) : img;
+  };
+  s.ideal_start = ideal(s.start);
+  s.ideal_end = ideal(s.end);
+}
+
+LineImage FlatLines(const EditedLines& lines, std::vector<int>* numbers) {
+  LineImage out = lines.found;
+  out.segments.clear();
+  std::vector<int> number;
+  for (std::size_t i = 0; i < lines.found.segments.size(); ++i) {
+    if (lines.removed[i]) continue;
+    number.push_back(int(i));
+    out.segments.push_back(lines.found.segments[i]);
+    out.segments.back().start_junction = out.segments.back().end_junction = -1;
+  }
+  for (const auto& [line, segment] : lines.drawn) {
+    number.push_back(line);
+    out.segments.push_back(segment);
+  }
+  if (numbers) *numbers = std::move(number);
+  return out;
+}
+
+std::string DoubtOf(const Part& part) {
+  if (part.doubtful && part.runner_up && !part.runner_up->kind.empty())
+    return fmt::format("It could also be a {}: {:.0f} speaks for it, {:.0f} for this.", part.runner_up->kind, part.runner_up->log_odds, part.log_odds);
+  if (part.doubtful) return fmt::format("Little speaks for it (log-odds {:.0f}).", part.log_odds);
+  std::string hidden;
+  for (const auto& d : part.dimensions)
+    if (!d.observable) hidden += (hidden.empty() ? "" : ", ") + d.name;
+  return hidden.empty() ? "" : fmt::format("No picture shows its {}.", hidden);
+}
+
+Result<std::unique_ptr<Workspace>> Workspace::Open(const std::filesystem::path& folder, const WorkspaceOptions& options) {
+  std::unique_ptr<Workspace> w(new Workspace);
+  w->options_ = options;
+  VSS_ASSIGN(w->survey_, ReadSurvey(folder));
+  VSS_ASSIGN(w->knowledge_, LoadKnowledge(w->survey_.knowledge, w->survey_.folder));
+  w->image_files_ = ImageFiles(w->survey_);
+  w->found_.resize(w->survey_.images.size());
+  VSS_ASSIGN(w->store_, Store::Open(w->survey_.folder));
+  VSS_ASSIGN([[maybe_unused]] auto checked, w->Options());
+  return w;
+}
+
+Workspace::~Workspace() {
+  cancel_ = true;
+  if (runner_.joinable()) runner_.join();
+}
+
+Result<SurveyOptions> Workspace::Options() const {
+  VSS_ASSIGN(auto options, OptionsOf(survey_));
+  if (const auto item = store_->Get("settings", "parameters"))
+    for (const auto& [name, value] : item->value->items()) VSS_RETURN_IF_ERROR(SetSurveyParameter(name, value.get<double>(), options));
+  options.threads = options_.threads;
+  return options;
+}
+
+SurveyOptions Workspace::OptionsOfLastRun(std::int64_t* version) const {
+  SurveyOptions options = OptionsOf(survey_).value_or(SurveyOptions{});
+  *version = 0;
+  if (const auto item = store_->Get("settings", "run")) {
+    *version = item->version;
+    for (const auto& [name, value] : item->value->value("parameters", Json::object()).items())
+      (void)SetSurveyParameter(name, value.get<double>(), options);  // a parameter that this program no longer has changes nothing
+  }
+  return options;
+}
+
+Result<std::shared_ptr<const LineImage>> Workspace::FoundLines(int image) {
+  std::int64_t version = 0;
+  SurveyOptions options = OptionsOfLastRun(&version);
+  {
+    std::lock_guard lock(mutex_);
+    const Found& found = found_[std::size_t(image)];
+    if (found.lines && found.run_version == version) return found.lines;
+  }
+  Survey one = survey_;
+  one.images = {survey_.images[std::size_t(image)]};
+  options.threads = 1;
+  VSS_ASSIGN(auto lines, DetectSurveyLines(one, options, Progress{}));
+  auto shared = std::make_shared<const LineImage>(std::move(lines.front()));
+  std::lock_guard lock(mutex_);
+  found_[std::size_t(image)] = {version, shared, -1, nullptr};
+  return shared;
+}
+
+Result<std::shared_ptr<const EditedLines>> Workspace::Lines(int image) {
+  if (image < 0 || std::size_t(image) >= survey_.images.size()) return UsageError("there is no picture number {}", image);
+  VSS_ASSIGN(const auto found, FoundLines(image));
+  const auto item = store_->Get("lines", image_files_[std::size_t(image)]);
+  const std::int64_t version = item ? item->version : 0;
+  {
+    std::lock_guard lock(mutex_);
+    const Found& known = found_[std::size_t(image)];
+    if (known.lines == found && known.edited && known.edit_version == version) return known.edited;
+  }
+  const Camera& camera = survey_.cameras[std::size_t(survey_.images[std::size_t(image)].camera)];
+  auto edited = std::make_shared<EditedLines>(Edit(*found, item ? *item->value : Json::object(), camera.intrinsics));
+  edited->version = version;
+  std::lock_guard lock(mutex_);
+  Found& known = found_[std::size_t(image)];
+  if (known.lines == found) known.edited = edited, known.edit_version = version;
+  return std::shared_ptr<const EditedLines>(edited);
+}
+
+std::vector<StationPart> Workspace::Parts() const {
+  std::vector<StationPart> parts;
+  for (const auto& item : store_->List("part"))
+    if (auto part = PartFromJson(*item.value, image_files_)) parts.push_back(std::move(*part));
+  return parts;
+}
+
+Result<std::pair<StationPart, std::int64_t>> Workspace::FindPart(const std::string& id) const {
+  const auto item = store_->Get("part", id);
+  if (!item) return UsageError("there is no part {}; somebody may have deleted it", id);
+  VSS_ASSIGN(auto part, PartFromJson(*item->value, image_files_));
+  return std::pair(std::move(part), item->version);
+}
+
+Result<std::vector<View>> Workspace::Views(bool with_lines) {
+  std::vector<std::shared_ptr<const LineImage>> keep(survey_.images.size());
+  std::vector<LineImage> none(survey_.images.size());
+  std::vector<View> views = MakeViews(survey_, none);
+  for (auto& view : views) {
+    view.lines = nullptr;
+    if (!with_lines) continue;
+    VSS_ASSIGN(const auto lines, Lines(view.image));
+    auto flat = std::make_shared<const LineImage>(FlatLines(*lines));
+    view.lines = flat.get();
+    keep[std::size_t(view.image)] = std::move(flat);
+  }
+  if (with_lines) {
+    std::lock_guard lock(mutex_);
+    view_lines_ = std::move(keep);
+  }
+  return views;
+}
+
+Result<Pick> Workspace::MakePick(int image, int line, int contour, bool is_circle) {
+  VSS_ASSIGN(const auto lines, Lines(image));
+  Pick pick;
+  if (is_circle) {
+    if (line < 0 || std::size_t(line) >= lines->found.arcs.size()) return UsageError("picture {} has no arc number {}", image_files_[std::size_t(image)], line);
+    pick = PickOfArc(image, line, lines->found.arcs[std::size_t(line)]);
+  } else {
+    const LineSegment* segment = lines->Find(line);
+    if (!segment) return UsageError("picture {} has no line number {}; it may have been removed", image_files_[std::size_t(image)], line);
+    pick = PickOfSegment(image, line, *segment);
+  }
+  pick.contour = contour;
+  return pick;
+}
+
+std::vector<Pick> Workspace::PicksOf(int image) {
+  std::vector<Pick> picks;
+  const auto lines = Lines(image);
+  if (!lines) return picks;
+  std::vector<int> numbers;
+  const LineImage flat = FlatLines(**lines, &numbers);
+  for (std::size_t i = 0; i < flat.segments.size(); ++i) picks.push_back(PickOfSegment(image, numbers[i], flat.segments[i]));
+  for (std::size_t i = 0; i < flat.arcs.size(); ++i) picks.push_back(PickOfArc(image, int(i), flat.arcs[i]));
+  return picks;
+}
+
+Product Workspace::ProductNow() const {
+  Product product;
+  product.survey = survey_.name;
+  product.warnings = survey_.warnings;
+  for (auto& p : Parts()) product.parts.push_back(std::move(p.part));
+  if (const auto run = store_->Get("settings", "run"))
+    for (const auto& u : run->value->value("unknown", Json::array()))
+      product.unknown.push_back({VectorOf(u["center"]), VectorOf(u["extent"]), u.value("num_lines", 0)});
+  return product;
+}
+
+std::string Workspace::FreePartId(const std::vector<std::string>& also_taken) const {
+  int highest = 0;
+  auto see = [&](const std::string& id) {
+    if (id.rfind("part-", 0) == 0) highest = std::max(highest, std::atoi(id.c_str() + 5));
+  };
+  for (const auto& item : store_->Since(0))  // deleted ones included: an id never means two things
+    if (item.kind == "part") see(item.id);
+  for (const auto& id : also_taken) see(id);
+  return fmt::format("part-{}", highest + 1);
+}
+
+std::vector<Change> Workspace::ChangesOfProduct(const Product& product) const {
+  std::vector<Change> changes;
+  std::vector<StationPart> old = Parts(), kept;
+  for (const auto& p : old)
+    if (KeptByPerson(p)) kept.push_back(p);
+  std::vector<std::string> used;
+  std::map<std::string, std::string> new_id;
+  std::vector<StationPart> fresh;
+  for (const auto& part : product.parts) {
+    const auto same = std::find_if(kept.begin(), kept.end(), [&](const auto& k) { return SamePlace(k.part, part); });
+    if (same != kept.end()) { new_id[part.id] = same->part.id; continue; }
+    const auto before = std::find_if(old.begin(), old.end(), [&](const auto& o) {
+      return !KeptByPerson(o) && SamePlace(o.part, part) && std::find(used.begin(), used.end(), o.part.id) == used.end();
+    });
+    StationPart p{part, false, DoubtOf(part)};
+    p.part.id = before != old.end() ? before->part.id : FreePartId(used);
+    new_id[part.id] = p.part.id;
+    used.push_back(p.part.id);
+    fresh.push_back(std::move(p));
+  }
+  for (auto& p : fresh) {
+    if (const auto at = new_id.find(p.part.stands_on); at != new_id.end()) p.part.stands_on = at->second;
+    changes.push_back({"part", p.part.id, PartToJson(p, image_files_), {}});
+  }
+  for (const auto& o : old)
+    if (!KeptByPerson(o) && std::find(used.begin(), used.end(), o.part.id) == used.end()) changes.push_back({"part", o.part.id, std::nullopt, {}});
+  return changes;
+}
+
+Json Workspace::RunState() const {
+  std::lock_guard lock(mutex_);
+  return run_state_;
+}
+
+void Workspace::Tell(const std::function<void(const Json&)>& tell, Json state) {
+  {
+    std::lock_guard lock(mutex_);
+    run_state_ = state;
+  }
+  if (tell) tell(state);
+}
+
+Status Workspace::StartRun(const std::string& who, std::function<void(const Json&)> tell) {
+  VSS_ASSIGN(const SurveyOptions options, Options());
+  {
+    std::lock_guard lock(mutex_);
+    if (run_state_["state"] == "running") return UsageError("a run is under way; wait for it or cancel it");
+    run_state_ = {{"state", "running"}, {"step", "start"}, {"done", 0}, {"total", 1}};
+  }
+  if (runner_.joinable()) runner_.join();
+  cancel_ = false;
+  runner_ = std::thread([this, who, options, tell = std::move(tell)] { Run(who, options, tell); });
+  return {};
+}
+
+void Workspace::Run(const std::string& who, const SurveyOptions& options, const std::function<void(const Json&)>& tell) {
+  Progress progress;
+  progress.cancel = &cancel_;
+  progress.report = [&](std::string_view step, int done, int total) {
+    Tell(tell, {{"state", "running"}, {"step", step}, {"done", done}, {"total", total}});
+  };
+  auto fail = [&](const Error& e) { Tell(tell, {{"state", e.code == ErrorCode::kCancelled ? "cancelled" : "failed"}, {"message", e.message}}); };
+  try {
+    const auto outcome = RunSurvey(survey_, options, progress);
+    if (!outcome) return fail(outcome.error());
+    Json run = {{"parameters", Json::object()}, {"unknown", Json::array()}, {"steps", Json::array()}, {"warnings", outcome->product.warnings}};
+    for (const auto& p : SurveyParameters(options)) run["parameters"][p.name] = p.value;
+    for (const auto& u : outcome->product.unknown) run["unknown"].push_back(JsonOfUnknown(u));
+    for (const auto& s : outcome->steps) run["steps"].push_back({{"step", s.step}, {"seconds", s.seconds}});
+    std::vector<Change> changes = ChangesOfProduct(outcome->product);
+    changes.push_back({"settings", "run", run, {}});
+    const auto revision = store_->Apply(who, fmt::format("survey: {} parts", outcome->product.parts.size()), changes);
+    if (!revision) return fail({ErrorCode::kInternal, revision.error().message});
+    Tell(tell, {{"state", "done"}, {"message", fmt::format("{} parts found", outcome->product.parts.size())}, {"revision", *revision}});
+  } catch (const std::exception& e) {
+    fail({ErrorCode::kInternal, e.what()});
+  }
+}
+
+Result<LineSegment> Workspace::Snap(int image, const Vector2d& start, const Vector2d& end) {
+  VSS_ASSIGN(const auto lines, Lines(image));
+  const Camera& camera = survey_.cameras[std::size_t(survey_.images[std::size_t(image)].camera)];
+  LineSegment drawn;
+  drawn.start = start;
+  drawn.end = end;
+  if (const auto bad = BadDrawnLine(drawn)) return UsageError("this line cannot be taken: {}; draw it again", *bad);
+  const double w = camera.width_px, h = camera.height_px;
+  for (const auto& p : {start, end})
+    if (p.x() < -0.5 || p.y() < -0.5 || p.x() > w - 0.5 || p.y() > h - 0.5) return UsageError("this line leaves the picture; draw it inside");
+  VSS_ASSIGN(auto picture, ReadSurveyPicture(survey_, image));
+  if (camera.response == Response::kSrgb) picture = LinearFromSrgb(picture.view());
+  return SnapToEdge(picture.view(), camera.intrinsics, drawn);
+}
+
+}  // namespace vss::station
