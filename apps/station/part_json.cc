@@ -54,8 +54,9 @@ Json DimensionsToJson(const Part& part) {
 
 void ReadDimensions(const Json& json, Part& part) {
   for (const auto& [name, d] : json.items()) {
-    DimensionValue value{name, d.at("value").get<double>(), d.value("sigma", 0.0), d.value("observable", true), d.value("origin", "")};
-    if (!std::isfinite(value.value_mm) || !std::isfinite(value.sigma_mm)) throw std::runtime_error("a dimension is not finite");
+    const Json sigma = d.value("sigma", Json());
+    DimensionValue value{name, d.at("value").get<double>(), sigma.is_number() ? sigma.get<double>() : NAN, d.value("observable", true), d.value("origin", "")};
+    if (!std::isfinite(value.value_mm)) throw std::runtime_error("a dimension is not finite");
     part.dimensions.push_back(std::move(value));
   }
 }
@@ -87,7 +88,10 @@ StationPart Parse(const Json& json, const std::vector<std::string>& files) {
   part.yaw_rad = RadFromDeg(json.at("pose").value("yaw", 0.0));
   ReadDimensions(json.at("dimensions"), part);
   part.vertices = Vectors(json.value("vertices", Json::array()));
-  part.vertex_sigma = Vectors(json.value("vertex_sigma", Json::array()));
+  for (const auto& v : json.value("vertex_sigma", Json::array())) {
+    const bool known = v.is_array() && v.size() == 3 && v[0].is_number() && v[1].is_number() && v[2].is_number();
+    part.vertex_sigma.push_back(known ? Vector(v) : Vector3d::Constant(NAN));
+  }
   for (const auto& e : json.value("edges", Json::array())) {
     const std::array<int, 2> edge{e.at(0).get<int>(), e.at(1).get<int>()};
     if (std::min(edge[0], edge[1]) < 0 || std::max(edge[0], edge[1]) >= int(part.vertices.size())) throw std::runtime_error("an edge names a vertex that is not there");

@@ -1,0 +1,219 @@
+#include "manual_fit.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "snap.h"
+#include "workspace.h"
+
+namespace vss::station {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+// Two cameras three metres above the floor, tilted inwards.
+struct Rig {
+  Camera camera;
+  std::vector<View> views;
+
+  Rig() {
+    camera.width_px = camera.height_px = 512;
+    camera.intrinsics.fx_px = camera.intrinsics.fy_px = 520;
+    camera.intrinsics.cx_px = camera.intrinsics.cy_px = 255.5;
+    for (const Vector3d& eye : {Vector3d(-1200, -900, 3000), Vector3d(1300, 700, 3100)}) {
+      Eigen::Matrix3d r;
+      r.row(2) = -eye.normalized().transpose();
+      r.row(0) = r.row(2).transpose().cross(Vector3d::UnitZ()).normalized().transpose();
+      r.row(1) = r.row(2).transpose().cross(Vector3d(r.row(0).transpose())).transpose();
+      views.push_back(MakeView(int(views.size()), camera, {r, -(r * eye)}, -1, nullptr));
+    }
+  }
+};
+
+PlacedObject TrueBox(const KnowledgeBase& knowledge) {
+  PlacedObject box;
+  box.model = knowledge.Find("box");
+  box.placement << 80, -40, 0, 0.6, 0, 0;
+  box.dimensions_mm = {900, 400, 250};
+  return box;
+}
+
+// The visible edges of the box in every picture, as lines with noise.
+std::vector<Pick> LinesOf(const PlacedObject& object, const std::vector<View>& views, double sigma_px, std::mt19937& random) {
+  std::normal_distribution<double> noise(0, sigma_px);
+  const WorldSolid solid = PlaceSolid(object, false);
+  std::vector<Pick> picks;
+  for (const auto& view : views) {
+    std::map<int, std::vector<Vector2d>> seen;
+    for (const auto& s : SampleContour(solid, view, 4, 4))
+      if (s.visible && s.source == ContourSample::Source::kEdge) seen[s.index].push_back(s.ideal);
+    for (const auto& [edge, points] : seen) {
+      if (points.size() < 4) continue;
+      Pick p;
+      p.image = view.image;
+      p.line = int(picks.size());
+      p.contour = edge;
+      p.ideal_start = points.front() + Vector2d(noise(random), noise(random));
+      p.ideal_end = points.back() + Vector2d(noise(random), noise(random));
+      p.sigma_offset_px = 0.05;
+      p.sigma_angle_rad = 0.001;
+      picks.push_back(p);
+    }
+  }
+  return picks;
+}
+
+class ManualFit : public testing::Test {
+ protected:
+  void SetUp() override {
+    const std::vector<std::string> names = {"box"};
+    knowledge = LoadKnowledge(names, ".").value();
+    truth = TrueBox(knowledge);
+    question.model = truth.model;
+  }
+  Rig rig;
+  KnowledgeBase knowledge;
+  PlacedObject truth;
+  FitQuestion question;
+  std::mt19937 random{3};
+};
+
+TEST_F(ManualFit, FindsABoxFromNothing) {
+  question.picks = LinesOf(truth, rig.views, 0.05, random);
+  const auto answer = FitPicks(question, rig.views);
+  ASSERT_TRUE(answer) << answer.error().message;
+  EXPECT_TRUE(answer->placed);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(answer->object.dimensions_mm[std::size_t(i)], truth.dimensions_mm[std::size_t(i)], 2);
+    EXPECT_TRUE(answer->observable[std::size_t(i)]);
+    EXPECT_LT(std::abs(answer->object.dimensions_mm[std::size_t(i)] - truth.dimensions_mm[std::size_t(i)]), 5 * answer->sigma_mm[std::size_t(i)]);
+  }
+  EXPECT_NEAR(std::remainder(answer->object.placement[3] - truth.placement[3], 2 * kPi), 0, 0.01);
+  EXPECT_LT(answer->rms_px, 0.5);
+}
+
+TEST_F(ManualFit, SaysWhatOneEdgeDoesNotDetermineAndWhichWould) {
+  auto all = LinesOf(truth, rig.views, 0.05, random);
+  question.picks = {all.front()};
+  const auto one = FitPicks(question, rig.views);
+  ASSERT_TRUE(one);
+  EXPECT_FALSE(one->placed);
+  // All lines of the top: the length and the width are seen from one picture, the height from its place above the floor.
+  const WorldSolid solid = PlaceSolid(truth, false);
+  question.picks.clear();
+  for (const auto& p : all) {
+    const auto& e = solid.edges[std::size_t(p.contour)];
+    if (p.image == 0 && std::min(solid.vertices[std::size_t(e.start)].point.z(), solid.vertices[std::size_t(e.end)].point.z()) < 1 &&
+        std::max(solid.vertices[std::size_t(e.start)].point.z(), solid.vertices[std::size_t(e.end)].point.z()) < 1)
+      question.picks.push_back(p);
+  }
+  ASSERT_GE(question.picks.size(), 2u);
+  const auto floor = FitPicks(question, rig.views);
+  ASSERT_TRUE(floor);
+  EXPECT_FALSE(floor->observable[2]) << "edges on the floor say nothing of the height";
+  bool hinted = false;
+  for (const auto& h : floor->hints) hinted = hinted || h.dimension == "height";
+  EXPECT_TRUE(hinted);
+}
+
+TEST_F(ManualFit, KeepsADimensionThatTheOperatorGave) {
+  question.picks = LinesOf(truth, rig.views, 0.05, random);
+  question.fixed_mm["height"] = 240;
+  const auto answer = FitPicks(question, rig.views);
+  ASSERT_TRUE(answer);
+  EXPECT_DOUBLE_EQ(answer->object.dimensions_mm[2], 240);
+}
+
+TEST_F(ManualFit, RefusesAContourThatTheObjectDoesNotHave) {
+  question.picks = LinesOf(truth, rig.views, 0.05, random);
+  question.picks[0].contour = 99;
+  EXPECT_FALSE(FitPicks(question, rig.views));
+  question.picks.clear();
+  EXPECT_FALSE(FitPicks(question, rig.views));
+}
+
+TEST_F(ManualFit, CollectsTheLinesThatLieOnTheContourAndNoOthers) {
+  const auto all = LinesOf(truth, rig.views, 0.05, random);
+  Pick stray = all.front();
+  stray.line = 999;
+  stray.ideal_start += Vector2d(15, 15);
+  stray.ideal_end += Vector2d(15, 15);
+  auto lines_of = [&](int image) {
+    std::vector<Pick> lines;
+    for (const auto& p : all) if (p.image == image) lines.push_back(p);
+    if (image == stray.image) lines.push_back(stray);
+    return lines;
+  };
+  const auto found = CollectPicks(truth, rig.views, nullptr, 2, [](int, int) { return false; }, lines_of);
+  EXPECT_GE(found.size(), all.size() * 8 / 10);
+  for (const auto& p : found) {
+    EXPECT_NE(p.line, 999);
+    EXPECT_EQ(p.contour, all[std::size_t(p.line)].contour);
+  }
+}
+
+TEST_F(ManualFit, ComesBackFromAPartToTheObjectItWas) {
+  question.picks = LinesOf(truth, rig.views, 0.05, random);
+  const auto answer = FitPicks(question, rig.views);
+  ASSERT_TRUE(answer);
+  const Part part = PartOfFit(*answer, question);
+  const PlacedObject again = PlacedObjectOf(part, knowledge);
+  EXPECT_LT((again.State() - answer->object.State()).norm(), 1e-6);
+  const auto files = std::vector<std::string>{"a.png", "b.png"};
+  StationPart kept{part, true, "why"};
+  kept.part.id = "part-1";
+  const auto read = PartFromJson(Json::parse(PartToJson(kept, files).dump()), files);
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_TRUE(read->confirmed);
+  EXPECT_EQ(read->part.matches.size(), part.matches.size());
+  EXPECT_LT((read->part.covariance - part.covariance).norm(), 1e-9 * part.covariance.norm());
+}
+
+// A step edge, blurred, along a line through (u0, v0) with direction `angle`; bright on the left.
+GreyImage StepImage(double offset, double angle) {
+  GreyImage image(120, 100, 8);
+  for (int v = 0; v < 100; ++v)
+    for (int u = 0; u < 120; ++u) {
+      const double d = -std::sin(angle) * (u - 60) + std::cos(angle) * (v - 50) - offset;
+      image.Row8(v)[u] = static_cast<std::uint8_t>(std::lround(60 + 60 * (1 - std::erf(d / (0.7 * std::sqrt(2.0)))) ));
+    }
+  return image;
+}
+
+TEST(Snap, MovesADrawnLineOntoTheEdge) {
+  Intrinsics lens;
+  lens.fx_px = lens.fy_px = 100;
+  lens.cx_px = 60, lens.cy_px = 50;
+  for (double offset : {-2.3, 0.4, 3.1}) {
+    const double angle = 0.3;
+    const GreyImage image = StepImage(offset, angle);
+    LineSegment drawn;
+    drawn.start = {25, 40};
+    drawn.end = {95, 40 + 70 * std::tan(angle)};
+    const LineSegment snapped = SnapToEdge(image.view(), lens, drawn);
+    ASSERT_GT(snapped.contrast, 20);
+    const Vector2d n(-std::sin(angle), std::cos(angle));
+    for (const auto& p : {snapped.start, snapped.end}) EXPECT_NEAR(n.dot(p - Vector2d(60, 50)), offset, 0.1);
+    const Vector2d along = snapped.end - snapped.start, left(along.y(), -along.x());  // as seen on the screen
+    EXPECT_GT(left.dot(-n), 0) << "the bright side lies to the left";
+  }
+}
+
+TEST(Snap, LeavesALineWhereThereIsNoEdge) {
+  GreyImage flat(100, 100, 8);
+  for (int v = 0; v < 100; ++v) std::fill(flat.Row8(v), flat.Row8(v) + 100, std::uint8_t(90));
+  Intrinsics lens;
+  lens.fx_px = lens.fy_px = 100;
+  LineSegment drawn;
+  drawn.start = {20, 20};
+  drawn.end = {80, 50};
+  const LineSegment same = SnapToEdge(flat.view(), lens, drawn);
+  EXPECT_EQ(same.contrast, 0);
+  EXPECT_EQ(same.start, drawn.start);
+}
+
+}  // namespace
+}  // namespace vss::station

@@ -1,0 +1,324 @@
+// The station in a real Chromium, from an empty survey to a finished one.
+//   node end_to_end.mjs VSS SURVEY      VSS: the program; SURVEY: a folder with survey.toml and truth.json
+// VSS_SCREENSHOTS=DIR writes the manual's pictures there.
+import assert from 'node:assert/strict';
+import { existsSync, mkdirSync, readFileSync, rmSync } from 'node:fs';
+import { createRequire } from 'node:module';
+import { join } from 'node:path';
+import { ask, copySurvey, startBrowser, startStation, vertexError } from './harness.mjs';
+
+const [vss, survey] = process.argv.slice(2);
+const skip = (why) => { console.log(`SKIPPED: ${why}`); process.exit(77); };
+if (!existsSync(join(survey ?? '', 'survey.toml'))) skip(`there is no survey in ${survey}`);
+const browser = await startBrowser();
+if (!browser) skip('there is no Chromium; install the package chromium');
+const folder = copySurvey(survey);
+const truth = existsSync(join(folder, 'truth.json')) ? JSON.parse(readFileSync(join(folder, 'truth.json'), 'utf8')) : null;
+let station = await startStation(vss, folder);
+const shots = process.env.VSS_SCREENSHOTS;
+if (shots) mkdirSync(shots, { recursive: true });
+
+const page = await browser.context.newPage();
+const problems = [];
+page.on('pageerror', (e) => problems.push(String(e)));
+page.on('console', (m) => { if (m.type() === 'error' && !/status of (409|4\d\d)|ERR_CONNECTION|WebSocket/.test(m.text())) problems.push(m.text()); });
+const shot = async (name) => { if (shots) { await page.waitForTimeout(350); await page.screenshot({ path: join(shots, name + '.png') }); } };
+const parts = async () => (await ask(station.url, 'state')).json.items.filter((i) => i.kind === 'part').map((i) => i.value);
+const revision = async () => (await ask(station.url, 'state')).json.revision;
+const until = async (what, test, ms = 20000) => {
+  const end = Date.now() + ms;
+  while (Date.now() < end) { if (await test()) return; await page.waitForTimeout(60); }
+  throw new Error('waited in vain until ' + what);
+};
+const closest = (t, list) => Math.min(...list.filter((p) => p.kind === t.kind).map((p) => vertexError(p, t)), Infinity);
+const tab = (name) => page.locator(`#tab-${name}`).click();
+
+let failed = 0;
+const only = process.env.VSS_ONLY;
+async function test(name, body) {
+  if (only && !name.includes(only) && !name.startsWith('opens') && !name.startsWith('surveys')) return;
+  const begin = Date.now();
+  try {
+    await body();
+    console.log(`ok      ${name} (${Date.now() - begin} ms)`);
+  } catch (e) {
+    failed++;
+    console.log(`FAILED  ${name}\n${e.stack ?? e}`);
+    await page.screenshot({ path: join(process.env.VSS_FAILURES ?? folder, `failed-${failed}.png`) }).catch(() => {});
+  }
+}
+
+await test('opens with a picture and its lines', async () => {
+  await page.goto(station.url);
+  await page.waitForFunction(() => document.body.dataset.picture !== undefined);
+  await page.getByText('No parts yet.').waitFor();
+  await page.locator('.strip button').nth(1).click();
+  await page.waitForFunction(() => document.body.dataset.picture === '1');
+  await page.locator('.strip .state').nth(1).getByText(/\d+ lines?/).waitFor();
+  await shot('first');
+});
+
+await test('surveys the sample from the page', async () => {
+  await page.locator('#run').click();
+  await page.locator('.toast').getByText(/Survey finished/).waitFor({ timeout: 240000 });
+  const found = await parts();
+  assert.ok(found.length > 0, 'no part was found');
+  await page.locator('#tab-parts').click();
+  assert.equal(await page.locator('.panel li .item').count(), found.length);
+  if (!truth) return;
+  const right = truth.parts.filter((t) => closest(t, found) < 10).length;
+  console.log(`        ${right} of ${truth.parts.length} parts within 10 mm`);
+  assert.ok(right >= truth.parts.length * 0.8, `only ${right} of ${truth.parts.length} parts are right`);
+});
+
+await test('shows one part everywhere, confirms it, and undoes and redoes that', async () => {
+  await page.locator('.panel li .item').first().dblclick();
+  await page.locator('.panel li .item').first().click();
+  const table = page.locator('.detail table');
+  if (!(await table.isVisible())) await page.locator('.panel li .item').first().click();
+  await table.waitFor();
+  await shot('overview');
+  const before = await revision();
+  await page.locator('.detail').getByRole('button', { name: 'Confirm' }).click();
+  await until('the part is confirmed', async () => (await parts())[0].confirmed);
+  await page.keyboard.press('Control+z');
+  await until('it is undone', async () => !(await parts())[0].confirmed);
+  await page.keyboard.press('Control+y');
+  await until('it is done again', async () => (await parts())[0].confirmed);
+  assert.equal(await revision(), before + 3);
+});
+
+await test('corrects a wrong part: another kind, and back', async () => {
+  const target = (await parts()).find((p) => p.kind === 'box');
+  assert.ok(target, 'the sample has no box');
+  const select = async () => { await tab('parts'); const item = page.locator('.panel li .item', { hasText: target.id }).first(); if ((await item.getAttribute('aria-pressed')) !== 'true') await item.click(); };
+  const to = async (kind) => {
+    await select();
+    await page.getByRole('button', { name: 'Other kind…' }).click();
+    await page.getByRole('combobox', { name: 'Other kind…' }).selectOption(kind);
+    await until(`it is a ${kind}`, async () => (await parts()).find((p) => p.id === target.id)?.kind === kind);
+  };
+  await to('angle');
+  await to('box');
+  const now = (await parts()).find((p) => p.id === target.id);
+  assert.equal(now.source, 'corrected');
+  if (truth) { const error = closest(truth.parts.reduce((a, b) => (vertexError(now, b) < vertexError(now, a) ? b : a)), [now]); console.log(`        corrected box: ${error.toFixed(2)} mm`); assert.ok(error < 5, `the corrected part is off by ${error} mm`); }
+});
+
+await test('takes a wrong line out of a part and puts it back', async () => {
+  const target = (await parts()).find((p) => p.matches.length > 6);
+  assert.ok(target);
+  await tab('parts');
+  const item = page.locator('.panel li .item', { hasText: target.id }).first();
+  if ((await item.getAttribute('aria-pressed')) !== 'true') await item.click();
+  await page.getByRole('button', { name: 'Correct lines' }).click();
+  await page.getByText(/lines picked/).waitFor();
+  const summary = page.locator('details summary');
+  if (!(await page.locator('details').getAttribute('open').then((o) => o !== null))) await summary.click();
+  await page.getByRole('button', { name: 'Drop this line' }).first().click();
+  await page.getByText(`${target.matches.length - 1} lines picked`).waitFor();
+  await page.getByRole('button', { name: /Save part/ }).click();
+  await until('it is saved', async () => (await parts()).find((p) => p.id === target.id).matches.length === target.matches.length - 1);
+  assert.notEqual((await parts()).find((p) => p.id === target.id).source, 'automatic');
+});
+
+await test('draws a line that snaps to its edge, and removes it', async () => {
+  // Along a line that VSS found, three pixels beside it.
+  const lines = (await ask(station.url, 'pictures/0/lines')).json.segments.filter((l) => l[5] > 25 && Math.hypot(l[3] - l[1], l[4] - l[2]) > 60);
+  const l = lines[0], n = [-(l[4] - l[2]), l[3] - l[1]].map((x) => (2 * x) / Math.hypot(l[3] - l[1], l[4] - l[2]));
+  const drawn = await ask(station.url, 'command', { do: 'draw_line', image: 0, start: [l[1] + n[0], l[2] + n[1]], end: [l[3] + n[0], l[4] + n[1]] });
+  assert.equal(drawn.status, 200, JSON.stringify(drawn.json));
+  assert.ok(drawn.json.snapped, 'the line did not snap');
+  const now = (await ask(station.url, 'pictures/0/lines')).json.segments.find((s) => s[0] === drawn.json.line);
+  const middle = [(now[1] + now[3]) / 2, (now[2] + now[4]) / 2], d = [l[3] - l[1], l[4] - l[2]], length = Math.hypot(...d);
+  const distance = Math.abs((middle[0] - l[1]) * -d[1] + (middle[1] - l[2]) * d[0]) / length;
+  console.log(`        drawn 2 px beside, snapped to within ${distance.toFixed(3)} px`);
+  assert.ok(distance < 0.2, `the snapped line lies ${distance} px beside the edge`);
+  assert.equal((await ask(station.url, 'command', { do: 'remove_line', image: 0, line: drawn.json.line })).status, 200);
+});
+
+await test('leads through what is doubtful', async () => {
+  await page.keyboard.press('Escape');
+  await page.locator('body').press('n');
+  await tab('todo');
+  await page.getByText('What needs you').waitFor();
+  await shot('todo');
+});
+
+// What a person sees: which contour of which part is where. Recorded before everything is undone.
+const byHand = await (async () => {
+  const found = await parts();
+  const candidates = found.filter((p) => p.kind === 'box' && (!truth || closest(truth.parts.reduce((a, b) => (vertexError(p, b) < vertexError(p, a) ? b : a)), [p]) < 3));
+  for (const part of candidates) {
+    let best = null;
+    for (const file of part.images) {
+      const image = (await ask(station.url, 'survey')).json.images.findIndex((i) => i.file === file);
+      const pieces = (await ask(station.url, `pictures/${image}/projection`)).json.parts[part.id]?.pieces ?? [];
+      const segments = (await ask(station.url, `pictures/${image}/lines`)).json.segments;
+      // Of each edge of the box: a point in the middle of a line that lies on its visible piece.
+      const clicks = {};
+      for (const piece of pieces.filter((p) => !p.hidden && p.source === 'edge')) {
+        const q = piece.points, [a, b, c, d] = [q[0], q[1], q[q.length - 2], q[q.length - 1]], l = Math.hypot(c - a, d - b);
+        for (const s of segments) {
+          const off = (u, v) => Math.abs((u - a) * -(d - b) + (v - b) * (c - a)) / l, along = (u, v) => ((u - a) * (c - a) + (v - b) * (d - b)) / (l * l);
+          if (Math.max(off(s[1], s[2]), off(s[3], s[4])) < 1.2 && along((s[1] + s[3]) / 2, (s[2] + s[4]) / 2) > 0.1 && along((s[1] + s[3]) / 2, (s[2] + s[4]) / 2) < 0.9 && Math.hypot(s[3] - s[1], s[4] - s[2]) > 0.5 * l && l > 12)
+            clicks[piece.index] = [(s[1] + s[3]) / 2, (s[2] + s[4]) / 2];
+        }
+      }
+      if (!best || Object.keys(clicks).length > Object.keys(best.clicks).length) best = { image, clicks, part };
+    }
+    if (best && Object.keys(best.clicks).length >= 6) return best;
+  }
+  return null;
+})();
+
+await test('undoes everything', async () => {
+  await tab('history');
+  await page.getByText('Who changed what').waitFor();
+  await shot('history');
+  for (let i = 0; i < 60 && (await ask(station.url, 'state')).json.undo; i++) {
+    const before = await revision();
+    await page.keyboard.press('Control+z');
+    await until('one more edit is undone', async () => (await revision()) > before);
+  }
+  assert.equal((await parts()).length, 0);
+  assert.equal((await ask(station.url, 'state')).json.undo, null);
+});
+
+await test('identifies a box by hand from an empty start with at most 12 clicks', async () => {
+  assert.ok(byHand, 'no picture shows six lines of a box');
+  let clicks = 0;
+  const click = async (locator) => { clicks++; await locator.click(); };
+  await page.locator('.strip button').nth(byHand.image).click();  // looking at a picture is not counted
+  await page.waitForFunction((i) => document.body.dataset.picture === String(i), byHand.image);
+  await page.keyboard.press('0');
+  await tab('parts');
+  await click(page.getByRole('button', { name: 'New part by hand' }));
+  await click(page.locator('.kinds button', { hasText: /^\s*(box|plate|Box|cuboid)/i }).first());
+  const box = await page.locator('.picture').boundingBox();
+  const size = (await ask(station.url, 'survey')).json.cameras[0];
+  const scale = Math.min(box.width / size.width, box.height / size.height) * 0.97;
+  const screen = ([u, v]) => [box.x + (box.width - scale * size.width) / 2 + scale * (u + 0.5), box.y + (box.height - scale * size.height) / 2 + scale * (v + 0.5)];
+  let times = [], picked = 0;
+  for (let i = 0; i < 8 && clicks < 10; i++) {
+    await page.waitForTimeout(250);
+    let current = await page.locator('polyline.current').first().evaluate((e) => [...e.parentElement.querySelectorAll('.target')].find((x) => x.getAttribute('points') === e.getAttribute('points'))?.dataset.contour ?? '');
+    let edge = Number(current.replace('edge', ''));
+    if (!(edge in byHand.clicks)) {  // not seen in this picture: take another contour
+      const open = await page.locator('.target').evaluateAll((list, want) => list.map((e) => e.dataset.contour).filter((k) => want.includes(k)), Object.keys(byHand.clicks).map((k) => 'edge' + k));
+      const taken = new Set(await page.evaluate(() => [...document.querySelectorAll('polyline.picked')].map((e) => [...document.querySelectorAll('.target')].find((x) => x.getAttribute('points') === e.getAttribute('points'))?.dataset.contour)));
+      const next = open.find((k) => !taken.has(k));
+      if (!next) break;
+      clicks++;
+      await page.locator(`.target[data-contour="${next}"]`).first().dispatchEvent('click');
+      edge = Number(next.replace('edge', ''));
+    }
+    clicks++;
+    await page.mouse.click(...screen(byHand.clicks[edge]));
+    picked++;
+    await page.getByText(new RegExp(`^${picked} lines? picked`)).waitFor();
+    times.push(Number(/fitted in (\d+) ms/.exec(await page.locator('.panel [role=status]').innerText())[1]));
+    if (picked >= 5 && await page.getByRole('button', { name: /Take all lines/ }).isEnabled()) break;
+  }
+  await shot('build');
+  await click(page.getByRole('button', { name: /Take all lines/ }));
+  await until('more lines are taken', async () => Number(/(\d+) lines picked/.exec(await page.locator('.panel [role=status]').innerText())?.[1] ?? 0) > picked);
+  await click(page.getByRole('button', { name: /Save part/ }));
+  await until('the part is saved', async () => (await parts()).length === 1);
+  const part = (await parts())[0];
+  assert.equal(part.source, 'manual');
+  const error = truth ? Math.min(...truth.parts.map((t) => vertexError(part, t))) : vertexError(part, byHand.part);
+  console.log(`        ${clicks} clicks, worst vertex ${error.toFixed(2)} mm, live fits ${times.join(', ')} ms`);
+  assert.ok(clicks <= 12, `${clicks} clicks`);
+  assert.ok(error < 2, `off by ${error} mm`);
+});
+
+await test('keeps every confirmed edit when it is killed in mid-edit, and goes on', async () => {
+  const target = (await parts())[0];
+  let confirmed = await revision(), running = true;
+  const port = new URL(station.url).port;
+  const editing = (async () => {
+    for (let i = 0; running; i++) {
+      try {
+        const answer = await ask(station.url, 'command', { do: 'confirm_part', part: target.id, confirmed: i % 2 === 0 });
+        if (answer.status === 200) confirmed = answer.json.revision;
+      } catch { return; }
+    }
+  })();
+  await page.waitForTimeout(400);
+  await station.kill('SIGKILL');
+  running = false;
+  await editing;
+  await page.getByText('does not answer').waitFor();
+  station = await startStation(vss, folder, ['--port', port]);
+  assert.ok((await revision()) >= confirmed, 'a confirmed edit is lost');
+  await page.getByText('does not answer').waitFor({ state: 'hidden' });
+  const before = await revision();
+  await page.keyboard.press('Escape');
+  await page.keyboard.press('Control+z');
+  await until('the page works again', async () => (await revision()) > before);
+});
+
+await test('shows two pages each other\'s edits and overwrites nothing silently', async () => {
+  await ask(station.url, 'command', { do: 'redo' });
+  const other = await browser.context.newPage();
+  await other.goto(station.url);
+  await other.waitForFunction(() => document.body.dataset.picture !== undefined);
+  const target = (await parts())[0], version = (await ask(station.url, 'state')).json.items.find((i) => i.id === target.id).version;
+  await other.locator('.panel li .item').first().click();
+  await other.locator('.detail').getByRole('button', { name: /Confirm|Take back/ }).click();
+  await until('the other page has saved', async () => (await parts())[0].confirmed !== target.confirmed);
+  await tab('parts');
+  const item = page.locator('.panel li .item').first();
+  if ((await item.getAttribute('aria-pressed')) !== 'true') await item.click();
+  await page.locator('.detail').getByRole('button', { name: target.confirmed ? 'Confirm' : 'Take back' }).waitFor();
+  const stale = await ask(station.url, 'command', { do: 'delete_part', part: target.id, version });
+  assert.equal(stale.status, 409);
+  assert.equal((await parts()).length, 1, 'a stale edit went through');
+  await other.close();
+});
+
+await test('shows the 3D view', async () => {
+  await page.locator('body').press('2');
+  await page.locator('.scene .canvas canvas, .scene .canvas svg').waitFor();
+  await page.waitForTimeout(800);
+  await page.locator('body').press('1');
+});
+
+await test('has no serious fault for people who cannot see or point well', async () => {
+  const axe = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
+  await page.evaluate(axe + '; undefined');  // through the debugger, which the page's security policy does not bind
+  for (const name of ['parts', 'todo', 'build', 'parameters', 'history', 'help']) {
+    await tab(name);
+    await page.waitForTimeout(300);
+    if (name === 'parameters') await shot('parameters');
+    const result = await page.evaluate(async () => (await window.axe.run(document, { resultTypes: ['violations'] })).violations.filter((v) => v.impact === 'serious' || v.impact === 'critical').map((v) => `${v.id}: ${v.nodes[0].html.slice(0, 160)} ${v.nodes[0].failureSummary ?? ''}`));
+    assert.deepEqual(result, [], `panel ${name}`);
+  }
+});
+
+await test('finds its help', async () => {
+  await page.keyboard.press('F1');
+  await page.getByRole('searchbox', { name: 'Search the manual' }).fill('undo');
+  await page.locator('.hit').first().waitFor();
+  await page.locator('.hit').first().click();
+  await page.locator('article').waitFor();
+  await shot('help');
+});
+
+await test('works on a tablet', async () => {
+  await page.setViewportSize({ width: 820, height: 1180 });
+  await page.waitForTimeout(400);
+  const wide = await page.evaluate(() => document.documentElement.scrollWidth);
+  assert.ok(wide <= 820, `the page is ${wide} px wide`);
+  await shot('tablet');
+  await page.setViewportSize({ width: 1280, height: 800 });
+});
+
+await test('nothing failed inside the page', async () => assert.deepEqual(problems, []));
+
+await browser.close();
+await station.kill();
+rmSync(folder, { recursive: true, force: true });
+console.log(failed === 0 ? 'all passed' : `${failed} failed`);
+process.exit(failed === 0 ? 0 : 1);
