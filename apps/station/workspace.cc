@@ -5,7 +5,6 @@
 #include <set>
 
 #include "snap.h"
-#include "vss/image/grey_image.h"
 
 namespace vss::station {
 namespace {
@@ -195,7 +194,8 @@ Result<std::shared_ptr<const LineImage>> Workspace::FoundLines(int image) {
   Survey one = survey_;
   one.images = {survey_.images[std::size_t(image)]};
   options.threads = 1;
-  VSS_ASSIGN(auto lines, DetectSurveyLines(one, options, Progress{}));
+  VSS_ASSIGN(const auto pictures, ReadSurveyPictures(one, 1, Progress{}));
+  VSS_ASSIGN(auto lines, DetectSurveyLines(one, pictures, options, Progress{}));
   auto shared = std::make_shared<const LineImage>(std::move(lines.front()));
   std::lock_guard lock(mutex_);
   found_[std::size_t(image)] = {version, shared, -1, nullptr};
@@ -391,9 +391,10 @@ Result<LineSegment> Workspace::Snap(int image, const Vector2d& start, const Vect
   const double w = camera.width_px, h = camera.height_px;
   for (const auto& p : {start, end})
     if (p.x() < -0.5 || p.y() < -0.5 || p.x() > w - 0.5 || p.y() > h - 0.5) return UsageError("this line leaves the picture; draw it inside");
-  VSS_ASSIGN(auto picture, ReadSurveyPicture(survey_, image));
-  if (camera.response == Response::kSrgb) picture = LinearFromSrgb(picture.view());
-  return SnapToEdge(picture.view(), camera.intrinsics, drawn);
+  Survey one = survey_;
+  one.images = {survey_.images[std::size_t(image)]};
+  VSS_ASSIGN(const auto pictures, ReadSurveyPictures(one, 1, Progress{}));
+  return SnapToEdge(pictures.front().view(), camera.intrinsics, drawn);
 }
 
 }  // namespace vss::station
