@@ -177,7 +177,8 @@ SurveyOptions Workspace::OptionsOfLastRun(std::int64_t* version) const {
   *version = 0;
   if (const auto item = store_->Get("settings", "run")) {
     *version = item->version;
-    for (const auto& [name, value] : item->value->value("parameters", Json::object()).items())
+    const Json parameters = item->value->value("parameters", Json::object());
+    for (const auto& [name, value] : parameters.items())
       (void)SetSurveyParameter(name, value.get<double>(), options);  // a parameter that this program no longer has changes nothing
   }
   return options;
