@@ -75,4 +75,4 @@ export const t = {
   ] as [string, string][],
 };
 
-const stepNames: Record<string, string> = { start: 'Starting', lines: 'Finding lines, picture', identify: 'Identifying, step', reconstruct: 'Measuring, step', knowledge: 'Reading knowledge', product: 'Writing' };
+const stepNames: Record<string, string> = { start: 'Starting', lines: 'Finding lines, picture', reconstruct: 'Measuring, step', knowledge: 'Reading knowledge', pictures: 'Reading picture', hypotheses: 'Identifying, step', report: 'Writing' };

@@ -60,7 +60,7 @@ await test('opens with a picture and its lines', async () => {
 
 await test('surveys the sample from the page', async () => {
   await page.locator('#run').click();
-  await page.locator('.toast').getByText(/Survey finished/).waitFor({ timeout: 240000 });
+  await page.locator('.toast').getByText(/Survey finished/).waitFor({ timeout: 400000 });
   const found = await parts();
   assert.ok(found.length > 0, 'no part was found');
   await page.locator('#tab-parts').click();
@@ -235,7 +235,9 @@ await test('identifies a box by hand from an empty start with at most 12 clicks'
 
 await test('keeps every confirmed edit when it is killed in mid-edit, and goes on', async () => {
   const target = (await parts())[0];
-  let confirmed = await revision(), running = true;
+  assert.ok(target, 'there is no part to edit');
+  const first = await revision();
+  let confirmed = first, running = true;
   const port = new URL(station.url).port;
   const editing = (async () => {
     for (let i = 0; running; i++) {
@@ -251,6 +253,7 @@ await test('keeps every confirmed edit when it is killed in mid-edit, and goes o
   await editing;
   await page.getByText('does not answer').waitFor();
   station = await startStation(vss, folder, ['--port', port]);
+  assert.ok(confirmed > first, 'no edit was confirmed before the kill');
   assert.ok((await revision()) >= confirmed, 'a confirmed edit is lost');
   await page.getByText('does not answer').waitFor({ state: 'hidden' });
   const before = await revision();
@@ -264,7 +267,9 @@ await test('shows two pages each other\'s edits and overwrites nothing silently'
   const other = await browser.context.newPage();
   await other.goto(station.url);
   await other.waitForFunction(() => document.body.dataset.picture !== undefined);
-  const target = (await parts())[0], version = (await ask(station.url, 'state')).json.items.find((i) => i.id === target.id).version;
+  const target = (await parts())[0];
+  assert.ok(target, 'there is no part to edit');
+  const version = (await ask(station.url, 'state')).json.items.find((i) => i.id === target.id).version;
   await other.locator('.panel li .item').first().click();
   await other.locator('.detail').getByRole('button', { name: /Confirm|Take back/ }).click();
   await until('the other page has saved', async () => (await parts())[0].confirmed !== target.confirmed);
