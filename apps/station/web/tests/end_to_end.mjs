@@ -148,7 +148,8 @@ await test('leads through what is doubtful', async () => {
 // What a person sees: which contour of which part is where. Recorded before everything is undone.
 const byHand = await (async () => {
   const found = await parts();
-  const candidates = found.filter((p) => p.kind === 'box' && (!truth || closest(truth.parts.reduce((a, b) => (vertexError(p, b) < vertexError(p, a) ? b : a)), [p]) < 3));
+  // Tall ones first: the two edges of a thin plate share their lines.
+  const candidates = found.filter((p) => p.kind === 'box').sort((a, b) => b.dimensions.height.value - a.dimensions.height.value).filter((p) => (!truth || closest(truth.parts.reduce((a, b) => (vertexError(p, b) < vertexError(p, a) ? b : a)), [p]) < 3));
   for (const part of candidates) {
     let best = null;
     for (const file of part.images) {
@@ -156,13 +157,15 @@ const byHand = await (async () => {
       const pieces = (await ask(station.url, `pictures/${image}/projection`)).json.parts[part.id]?.pieces ?? [];
       const segments = (await ask(station.url, `pictures/${image}/lines`)).json.segments;
       // Of each edge of the box: a point in the middle of a line that lies on its visible piece.
-      const clicks = {};
+      const clicks = {}, used = new Set();
       for (const piece of pieces.filter((p) => !p.hidden && p.source === 'edge')) {
         const q = piece.points, [a, b, c, d] = [q[0], q[1], q[q.length - 2], q[q.length - 1]], l = Math.hypot(c - a, d - b);
         for (const s of segments) {
           const off = (u, v) => Math.abs((u - a) * -(d - b) + (v - b) * (c - a)) / l, along = (u, v) => ((u - a) * (c - a) + (v - b) * (d - b)) / (l * l);
-          if (Math.max(off(s[1], s[2]), off(s[3], s[4])) < 1.2 && along((s[1] + s[3]) / 2, (s[2] + s[4]) / 2) > 0.1 && along((s[1] + s[3]) / 2, (s[2] + s[4]) / 2) < 0.9 && Math.hypot(s[3] - s[1], s[4] - s[2]) > 0.5 * l && l > 12)
+          if (Math.max(off(s[1], s[2]), off(s[3], s[4])) < 1.2 && along((s[1] + s[3]) / 2, (s[2] + s[4]) / 2) > 0.1 && along((s[1] + s[3]) / 2, (s[2] + s[4]) / 2) < 0.9 && Math.hypot(s[3] - s[1], s[4] - s[2]) > 0.5 * l && l > 12 && !used.has(s[0]) && !(piece.index in clicks)) {
+            used.add(s[0]);
             clicks[piece.index] = [(s[1] + s[3]) / 2, (s[2] + s[4]) / 2];
+          }
         }
       }
       if (!best || Object.keys(clicks).length > Object.keys(best.clicks).length) best = { image, clicks, part };
