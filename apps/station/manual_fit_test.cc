@@ -101,12 +101,12 @@ TEST_F(ManualFit, SaysWhatOneEdgeDoesNotDetermineAndWhichWould) {
   const auto one = FitPicks(question, rig.views);
   ASSERT_TRUE(one);
   EXPECT_FALSE(one->placed);
-  // All lines of the top: the length and the width are seen from one picture, the height from its place above the floor.
+  // All lines on the floor, of every picture: they tell place, length and width.
   const WorldSolid solid = PlaceSolid(truth, false);
   question.picks.clear();
   for (const auto& p : all) {
     const auto& e = solid.edges[std::size_t(p.contour)];
-    if (p.image == 0 && std::min(solid.vertices[std::size_t(e.start)].point.z(), solid.vertices[std::size_t(e.end)].point.z()) < 1 &&
+    if (std::min(solid.vertices[std::size_t(e.start)].point.z(), solid.vertices[std::size_t(e.end)].point.z()) < 1 &&
         std::max(solid.vertices[std::size_t(e.start)].point.z(), solid.vertices[std::size_t(e.end)].point.z()) < 1)
       question.picks.push_back(p);
   }
