@@ -33,12 +33,13 @@ struct Sampler {
   double spacing_px;
   int min_samples;
   const Occluders* others;
+  double touch_mm;
   std::vector<const std::array<Vector3d, 3>*> self;  // triangles that may hide the solid's own contour
   std::vector<bool> front;
   std::vector<ContourSample> samples;
 
-  Sampler(const WorldSolid& s, const View& v, double spacing, int least, const Occluders* o)
-      : solid(s), view(v), spacing_px(spacing), min_samples(least), others(o) {
+  Sampler(const WorldSolid& s, const View& v, double spacing, int least, const Occluders* o, double touch)
+      : solid(s), view(v), spacing_px(spacing), min_samples(least), others(o), touch_mm(touch) {
     front.resize(solid.faces.size());
     for (std::size_t i = 0; i < solid.faces.size(); ++i) {
       const auto& f = solid.faces[i];
@@ -89,7 +90,7 @@ struct Sampler {
     sample.silhouette = a != b || sample.source == ContourSample::Source::kLimb;
     const Vector3d target = sample.point_in_world + lift;
     sample.visible =
-        !HidesItself(target) && (!others || others->Free(view.center_in_world, target, kSelfMarginMm));
+        !HidesItself(target) && (!others || others->Free(view.center_in_world, target, touch_mm));
     samples.push_back(sample);
   }
 
@@ -201,8 +202,8 @@ bool Occluders::Free(const Vector3d& eye, const Vector3d& point, double margin_m
 }
 
 std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& view, double spacing_px,
-                                         int min_samples, const Occluders* others) {
-  Sampler sampler(solid, view, spacing_px, min_samples, others);
+                                         int min_samples, const Occluders* others, double touch_mm) {
+  Sampler sampler(solid, view, spacing_px, min_samples, others, touch_mm);
   sampler.Edges();
   sampler.Circles();
   sampler.Limbs();

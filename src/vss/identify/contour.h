@@ -44,9 +44,11 @@ class Occluders {
 
 // Samples of the whole contour of `solid` in `view`, `spacing_px` apart (at least `min_samples` an edge),
 // whether visible or not; those outside the picture or facing away on both sides are left out. Hidden by:
-// `solid` itself, and `others` if given.
+// `solid` itself, and `others` if given, unless they do so less than `touch_mm` before the sample (an edge
+// that lies on another part is seen, though by a small error it may lie inside it).
 std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& view, double spacing_px,
-                                         int min_samples, const Occluders* others = nullptr);
+                                         int min_samples, const Occluders* others = nullptr,
+                                         double touch_mm = 0.5);
 
 // d point / d state of a sample (3 x StateSize) as a material point of its edge, rim or limb.
 Eigen::Matrix3Xd SampleByState(const WorldSolid& solid, const ContourSample& sample);

@@ -183,6 +183,25 @@ Adjustment::Layout Adjustment::MakeLayout() const {
   return l;
 }
 
+void Adjustment::PrepareBiases() {
+  std::map<std::pair<int, int>, std::vector<double>> lengths;
+  std::map<std::pair<int, int>, EdgeClass> classes;
+  for (const auto& g : groups) {
+    for (const auto& o : g.observations) lengths[{g.part, g.contour}].push_back(o.half_length_px);
+    classes[{g.part, g.contour}] = g.edge_class;
+  }
+  for (auto& part : parts) part.bias_sigma_px.clear();
+  for (const auto& [key, half] : lengths) {
+    const double length = Median(half);
+    auto& part = parts[static_cast<std::size_t>(key.first)];
+    part.bias_px.insert({key.second, 0.0});
+    part.bias_sigma_px[key.second] = std::hypot(options.bias_px[static_cast<std::size_t>(classes[key])],
+                                                options.short_edge_bias / (length * length));
+  }
+  for (auto& part : parts)
+    std::erase_if(part.bias_px, [&](const auto& b) { return !part.bias_sigma_px.contains(b.first); });
+}
+
 void Adjustment::UpdateResiduals() {
   const auto views = AdjustedViews();
   std::vector<WorldSolid> solids;
@@ -190,8 +209,7 @@ void Adjustment::UpdateResiduals() {
   for (auto& group : groups) {
     auto& part = parts[static_cast<std::size_t>(group.part)];
     const auto& view = views[static_cast<std::size_t>(group.view)];
-    double bias = 0;
-    if (group.edge_class == EdgeClass::kContact) bias = part.bias_px[group.contour];
+    const double bias = part.bias_px[group.contour];
     for (auto& o : group.observations) {
       o.sample.point_in_world = SamplePoint(solids[static_cast<std::size_t>(group.part)], o.sample);
       const auto img = view.camera->intrinsics.Project(view.cam_from_world * o.sample.point_in_world);
@@ -262,11 +280,11 @@ void Adjustment::AddGroup(const ObservationGroup& group, const WorldSolid& solid
   const View& view = views[v];
   const auto& k = view.camera->intrinsics;
   const int state = parts[p].object.StateSize(), intrinsics = cameras[c].num_intrinsics;
-  const bool has_bias = group.edge_class == EdgeClass::kContact, has_stop = stop_of_view_[v] >= 0;
+  const bool has_stop = stop_of_view_[v] >= 0;
   std::vector<int> at;
   for (int i = 0; i < state; ++i) at.push_back(layout_.part[p] + i);
   for (int i = 0; i < kPlaceSize + intrinsics; ++i) at.push_back(layout_.camera[c] + i);
-  if (has_bias) at.push_back(layout_.bias[p].at(group.contour));
+  at.push_back(layout_.bias[p].at(group.contour));
   if (has_stop)
     for (int i = 0; i < 3; ++i) at.push_back(layout_.stop[static_cast<std::size_t>(stop_of_view_[v])] + i);
   const auto n = static_cast<Eigen::Index>(at.size());
@@ -288,7 +306,7 @@ void Adjustment::AddGroup(const ObservationGroup& group, const WorldSolid& solid
       j.segment(state + kPlaceSize, intrinsics) =
           (o.normal.transpose() * ImgByIntrinsics(k, q, *img, intrinsics)).transpose();
     Eigen::Index next = state + kPlaceSize + intrinsics;
-    if (has_bias) j[next++] = 1;
+    j[next++] = 1;
     if (has_stop) j.segment<3>(next) = -n_by_world.transpose();
     const double w = o.weight;
     a.selfadjointView<Eigen::Lower>().rankUpdate(j, w);
@@ -323,8 +341,8 @@ void Adjustment::AddPriors(bool shared_free) {
       h_(layout_.part[p] + i, layout_.part[p] + i) += w;
       g_[layout_.part[p] + i] += w * (part.prior_value[i] - x[i]);
     }
-    const double w = 1 / (options.contact_bias_px * options.contact_bias_px);
     for (const auto& [contour, at] : layout_.bias[p]) {
+      const double w = std::pow(part.bias_sigma_px.at(contour), -2);
       h_(at, at) += w;
       g_[at] -= w * part.bias_px.at(contour);
     }
@@ -419,6 +437,7 @@ void Adjustment::Apply(const VectorXd& step) {
 
 double Adjustment::Solve(int max_steps, bool shared_free) {
   shared_free &= options.adjust_cameras;
+  PrepareBiases();
   double moved = 0;
   for (int k = 0; k < max_steps; ++k) {
     UpdateResiduals();

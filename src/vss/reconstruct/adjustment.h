@@ -27,6 +27,7 @@ struct Observation {
   double contrast = 0;
   double weight = 1;  // robust, within its group
   double residual_px = 0;
+  double half_length_px = 4;  // of the strip
 };
 
 // The observations of one edge, rim or limb of one part in one view.
@@ -50,7 +51,10 @@ struct AdjustedPart {
   int stands_on = -1;                        // index of a part, -1: the ground, kLoose: nothing known
   std::vector<bool> free;                    // of the state
   Eigen::VectorXd prior_value, prior_sigma;  // of the state: weak, so that the system always has one solution
-  std::map<int, double> bias_px;  // of contours that lie on something, along the observation's normal
+  // What pulls a contour the same way in all pictures (chamfer, contact shadow), along the observations'
+  // normal; it cannot be told from the part's shape, so that its prior sigma bounds how well the shape is
+  // known.
+  std::map<int, double> bias_px, bias_sigma_px;
 };
 inline constexpr int kLoose = -2;
 
@@ -77,7 +81,9 @@ struct AdjustmentOptions {
   bool adjust_cameras = true;
   double ground_sigma_mm = 0.1;
   double contact_sigma_mm = 0.1;
-  double contact_bias_px = 0.2;
+  // What may pull a contour in all pictures alike, by class; and an edge of short pieces, px * px^2.
+  std::array<double, kNumEdgeClasses> bias_px{0.02, 0.2, 0.05};
+  double short_edge_bias = 0.15;
   double stop_sigma_mm = 0.15;
   double free_systematic_px = 0.03, contact_systematic_px = 0.15,
          round_systematic_px = 0.05;  // to start with
@@ -97,6 +103,8 @@ class Adjustment {
   double camera_scale = 1, stop_scale = 1;  // of the priors' sigmas, estimated
   AdjustmentOptions options;
 
+  // Gives every contour that was measured its bias and prior. To be called when `groups` are new.
+  void PrepareBiases();
   // The views with all corrections, for measuring again.
   std::vector<View> AdjustedViews() const;
   // Gauss-Newton steps with robust weights and, after each, the systematic variances. Returns the largest

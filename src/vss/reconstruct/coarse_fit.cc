@@ -14,11 +14,13 @@ using Eigen::Vector2d;
 using Eigen::VectorXd;
 
 constexpr double kSpacingPx = 8;
+constexpr double kTouchMm = 12;         // parts that touch may overlap by that much at the start
 constexpr double kMaxAngleCos = 0.985;  // 10 degrees between contour and line
 constexpr double kCutWidths = 3;        // lines further than that many widths do not draw
 constexpr double kOutlier = 0.05;       // weight of "this sample belongs to no line"
 constexpr int kStepsPerWidth = 3;
 constexpr double kShrink = 0.62;
+constexpr double kFreeWidthPx = 1.5;  // below, dimensions are free and every line has one owner
 
 struct Pull {
   Vector2d normal;
@@ -59,15 +61,17 @@ struct ViewSamples {
   std::vector<ContourSample> samples;
   std::vector<const LineSegment*> segments;
   std::vector<const EllipticalArc*> arcs;
+  std::vector<std::size_t>
+      line_index;  // of the segments, then the arcs, in the picture's segments, then arcs
 };
 
 // The visible samples of a view, and the lines within `reach` of them.
 std::optional<ViewSamples> Look(const WorldSolid& solid, const View& view, const Occluders* others,
                                 double reach) {
   if (!view.lines) return std::nullopt;
-  ViewSamples out{&view, {}, {}, {}};
+  ViewSamples out{&view, {}, {}, {}, {}};
   Eigen::AlignedBox2d box;
-  for (auto& s : SampleContour(solid, view, kSpacingPx, 2, others))
+  for (auto& s : SampleContour(solid, view, kSpacingPx, 2, others, kTouchMm))
     if (s.visible) {
       box.extend(s.ideal);
       out.samples.push_back(s);
@@ -75,14 +79,22 @@ std::optional<ViewSamples> Look(const WorldSolid& solid, const View& view, const
   if (out.samples.empty()) return std::nullopt;
   box.min().array() -= reach;
   box.max().array() += reach;
-  for (const auto& l : view.lines->segments) {
+  const auto& segments = view.lines->segments;
+  const auto& arcs = view.lines->arcs;
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    const auto& l = segments[i];
     Eigen::AlignedBox2d span(l.ideal_start.cwiseMin(l.ideal_end), l.ideal_start.cwiseMax(l.ideal_end));
-    if (box.intersects(span)) out.segments.push_back(&l);
+    if (!box.intersects(span)) continue;
+    out.segments.push_back(&l);
+    out.line_index.push_back(i);
   }
-  for (const auto& a : view.lines->arcs) {
-    const double r = a.ideal_axes.maxCoeff();
-    Eigen::AlignedBox2d span(Vector2d(a.ideal_center.array() - r), Vector2d(a.ideal_center.array() + r));
-    if (box.intersects(span)) out.arcs.push_back(&a);
+  for (std::size_t i = 0; i < arcs.size(); ++i) {
+    const double r = arcs[i].ideal_axes.maxCoeff();
+    Eigen::AlignedBox2d span(Vector2d(arcs[i].ideal_center.array() - r),
+                             Vector2d(arcs[i].ideal_center.array() + r));
+    if (!box.intersects(span)) continue;
+    out.arcs.push_back(&arcs[i]);
+    out.line_index.push_back(segments.size() + i);
   }
   return out;
 }
@@ -118,27 +130,45 @@ std::vector<Pulled> AllPulls(const ViewSamples& look, double width) {
 
 int CurveOf(const ContourSample& s) { return (s.index * 3 + static_cast<int>(s.source)) * 3 + s.limb_side; }
 
-// How much of a line each of the part's curves may claim: a line belongs to one of them, the nearest most
-// likely.
-std::map<std::pair<std::size_t, int>, double> Claims(const ViewSamples& look,
-                                                     const std::vector<Pulled>& pulls, double width) {
-  std::map<std::pair<std::size_t, int>, std::pair<double, double>> sums;  // squared distance, count
+using CurveOnLine = std::pair<std::size_t, int>;  // line, curve
+
+// Mean squared distance of each curve from each line along which it runs.
+std::map<CurveOnLine, double> MeanSquares(const ViewSamples& look, const std::vector<Pulled>& pulls) {
+  std::map<CurveOnLine, std::pair<double, double>> sums;
   for (const auto& p : pulls) {
     auto& [d2, n] = sums[{p.line, CurveOf(look.samples[p.sample])}];
     d2 += p.pull.distance * p.pull.distance;
     ++n;
   }
-  std::map<std::size_t, double> totals;
-  std::map<std::pair<std::size_t, int>, double> claims;
-  for (const auto& [key, sum] : sums)
-    totals[key.first] += claims[key] = std::exp(-sum.first / sum.second / (2 * width * width));
-  for (auto& [key, claim] : claims) claim /= totals[key.first];
+  std::map<CurveOnLine, double> means;
+  for (const auto& [key, sum] : sums) means[key] = sum.first / sum.second;
+  return means;
+}
+
+// How much of a line each of the part's curves may claim: a line belongs to one contour, the nearest most
+// likely, and where `strict` to that alone.
+std::map<CurveOnLine, double> Claims(const ViewSamples& look, const std::vector<Pulled>& pulls, double width,
+                                     const std::vector<double>& claimed, bool strict) {
+  auto claims = MeanSquares(look, pulls);
+  std::map<std::size_t, std::pair<double, double>> lines;  // nearest, sum of weights
+  auto weight = [&](double d2) { return std::exp(-d2 / (2 * width * width)); };
+  for (const auto& [key, d2] : claims) {
+    const double theirs = claimed.empty() ? INFINITY : claimed[look.line_index[key.first]];
+    auto& [nearest, sum] = lines.insert({key.first, {theirs, weight(theirs)}}).first->second;
+    nearest = std::min(nearest, d2);
+    sum += weight(d2);
+  }
+  for (auto& [key, d2] : claims) {
+    const auto& [nearest, sum] = lines.at(key.first);
+    d2 = strict ? (d2 <= nearest ? 1.0 : 0.0) : weight(d2) / sum;
+  }
   return claims;
 }
 
-void Accumulate(const WorldSolid& solid, const ViewSamples& look, double width, Sums& sums) {
+void Accumulate(const WorldSolid& solid, const ViewSamples& look, double width,
+                const std::vector<double>& claimed, bool strict, Sums& sums) {
   const auto pulls = AllPulls(look, width);
-  const auto claims = Claims(look, pulls, width);
+  const auto claims = Claims(look, pulls, width, claimed, strict);
   sums.num_samples += static_cast<int>(look.samples.size());
   sums.cost += static_cast<double>(look.samples.size());
   for (std::size_t begin = 0, end = 0; begin < pulls.size(); begin = end) {
@@ -165,7 +195,7 @@ void Accumulate(const WorldSolid& solid, const ViewSamples& look, double width, 
 // While lines are looked for far off, dimensions keep nearly as they are: free ones would let the two edges
 // of a thin plate fall onto one line.
 VectorXd PriorWeights(const PlacedObject& start, double width, const CoarseFitOptions& o) {
-  constexpr double kFixed = 1e12, kStiff = 0.02, kFreeWidthPx = 1.5;
+  constexpr double kFixed = 1e12, kStiff = 0.02;
   VectorXd w(start.StateSize());
   for (std::size_t i = 0; i < start.dimensions_mm.size(); ++i) {
     const double sigma = width > kFreeWidthPx
@@ -198,30 +228,55 @@ Eigen::Matrix<double, 2, 3> IdealByWorld(const View& view, const Eigen::Vector3d
   return j * view.cam_from_world.rotation;
 }
 
+LineDistances DistancesToLines(const PlacedObject& part, std::span<const View> views, const Occluders* others,
+                               const CoarseFitOptions& options) {
+  LineDistances out;
+  const WorldSolid solid = PlaceSolid(part, false);
+  for (const auto& view : views) {
+    out.emplace_back(view.lines ? view.lines->segments.size() + view.lines->arcs.size() : 0, INFINITY);
+    const auto look = Look(solid, view, others, kCutWidths * options.start_width_px);
+    if (!look) continue;
+    for (const auto& [key, d2] : MeanSquares(*look, AllPulls(*look, options.start_width_px))) {
+      double& least = out.back()[look->line_index[key.first]];
+      least = std::min(least, d2);
+    }
+  }
+  return out;
+}
+
 CoarseFit FitToLines(const PlacedObject& start, std::span<const View> views, const Occluders* others,
-                     const CoarseFitOptions& options) {
-  CoarseFit fit{start, 0, 1};
+                     const LineDistances& claimed, const CoarseFitOptions& options) {
   const VectorXd x0 = start.State();
+  const auto n = x0.size();
+  auto sum_up = [&](const PlacedObject& object, double width) {
+    const WorldSolid solid = PlaceSolid(object);
+    Sums sums{MatrixXd::Zero(n, n), VectorXd::Zero(n), 0, 0};
+    for (std::size_t v = 0; v < views.size(); ++v)
+      if (const auto look = Look(solid, views[v], others, kCutWidths * width))
+        Accumulate(solid, *look, width, claimed.empty() ? std::vector<double>{} : claimed[v],
+                   width < kFreeWidthPx, sums);
+    if (sums.num_samples > 0) sums.cost /= sums.num_samples;
+    return sums;
+  };
+  const Sums before = sum_up(start, options.end_width_px);
+  CoarseFit fit{start, before.num_samples, before.num_samples > 0 ? before.cost : 1};
+  PlacedObject object = start;
   for (double width = options.start_width_px;; width = std::max(width * kShrink, options.end_width_px)) {
     const VectorXd prior = PriorWeights(start, width, options);
     for (int step = 0; step < kStepsPerWidth; ++step) {
-      const WorldSolid solid = PlaceSolid(fit.object);
-      const auto n = x0.size();
-      Sums sums{MatrixXd::Zero(n, n), VectorXd::Zero(n), 0, 0};
-      for (const auto& view : views)
-        if (const auto look = Look(solid, view, others, kCutWidths * width))
-          Accumulate(solid, *look, width, sums);
-      fit.num_samples = sums.num_samples;
-      fit.cost = sums.num_samples > 0 ? sums.cost / sums.num_samples : 1;
-      const VectorXd x = fit.object.State();
+      Sums sums = sum_up(object, width);
+      const VectorXd x = object.State();
       sums.h.diagonal() += prior;
       sums.g += prior.cwiseProduct(x0 - x);
-      fit.object.SetState(x + sums.h.selfadjointView<Eigen::Lower>().ldlt().solve(sums.g));
-      KeepInRange(fit.object);
-      if (options.tilt_sigma_rad <= 0) fit.object.placement.tail<2>() = start.placement.tail<2>();
+      object.SetState(x + sums.h.selfadjointView<Eigen::Lower>().ldlt().solve(sums.g));
+      KeepInRange(object);
+      if (options.tilt_sigma_rad <= 0) object.placement.tail<2>() = start.placement.tail<2>();
     }
-    if (width <= options.end_width_px) return fit;
+    if (width <= options.end_width_px) break;
   }
+  const Sums after = sum_up(object, options.end_width_px);
+  if (after.num_samples > 0 && after.cost <= fit.cost) fit = {object, after.num_samples, after.cost};
+  return fit;
 }
 
 }  // namespace vss

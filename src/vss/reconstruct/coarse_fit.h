@@ -26,10 +26,17 @@ struct CoarseFit {
       0;  // mean over the samples of 1 - the best line's weight at the end width: 0 perfect, 1 nothing fits
 };
 
-// `views`: those that may see the part; `others`: the solids of the other parts. Height and, unless asked
-// for, tilt stay as they are.
+// For each view, for each of its segments and then arcs: mean squared distance (px^2) of the nearest of a
+// part's curves that run along it; infinite where none does.
+using LineDistances = std::vector<std::vector<double>>;
+LineDistances DistancesToLines(const PlacedObject& part, std::span<const View> views, const Occluders* others,
+                               const CoarseFitOptions& options);
+
+// `others`: the solids of the other parts; `claimed`: the least of the other parts' distances, so that the
+// part keeps off lines that are theirs. Height and, unless asked for, tilt stay as they are; so does
+// everything where no better place is found.
 CoarseFit FitToLines(const PlacedObject& start, std::span<const View> views, const Occluders* others,
-                     const CoarseFitOptions& options);
+                     const LineDistances& claimed, const CoarseFitOptions& options);
 
 // d ideal / d point in world (2 x 3); the point lies before the camera.
 Eigen::Matrix<double, 2, 3> IdealByWorld(const View& view, const Eigen::Vector3d& point_in_world);

@@ -99,8 +99,8 @@ class Cutter {
   }
 
   void AddPart(int part, const Occluders& others) {
-    const auto samples =
-        SampleContour(solids_[static_cast<std::size_t>(part)], view_, options_.length_px, 1, &others);
+    const auto samples = SampleContour(solids_[static_cast<std::size_t>(part)], view_, options_.length_px, 1,
+                                       &others, options_.touch_mm);
     std::size_t begin = 0;
     while (begin < samples.size()) {
       std::size_t end = begin + 1;

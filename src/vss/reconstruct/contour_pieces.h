@@ -34,7 +34,9 @@ struct PieceOptions {
   double reach_px = 4;          // wanted on both sides
   double vertex_margin_px = 2;  // kept clear at the ends of edges
   double min_gap_px = 1.2;      // parallel contours nearer than that cannot be told apart
-  double contact_gap_mm = 4;    // an edge that near to the ground or to another part's face lies on it
+  double touch_mm =
+      12;  // other parts hide only what lies deeper behind them: parts that touch may overlap a little
+  double contact_gap_mm = 4;  // an edge that near to the ground or to another part's face lies on it
 };
 
 // `solids` of all parts, `occluders[i]` the solids of all others that may hide part i.

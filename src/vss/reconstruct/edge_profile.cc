@@ -12,8 +12,9 @@ namespace {
 using Eigen::Vector2d;
 
 constexpr int kMaxUnknowns =
-    3 + 2 * (1 + kMaxNeighbours);        // base, blur, ... : a contrast and an offset per step
+    4 + 2 * (1 + kMaxNeighbours);        // base, blur, two slopes; a contrast and an offset a step
 constexpr int kMinPixels = 12;           // fewer cannot tell a step from noise
+constexpr double kSlopePrior = 0.05;     // of the contrast, per px: how light changes beside an edge
 constexpr double kNeighbourPrior = 0.5;  // px: how far a neighbour may move against the edge itself
 constexpr double kScanStep = 0.4;        // of the blur: Gauss-Newton converges from there
 constexpr double kMinSignificance = 5;   // a contrast below that many of its sigmas is no edge
@@ -39,7 +40,7 @@ struct NormalTable {
     return table;
   }
   double Look(const decltype(phi)& values, double x, double below, double above) const {
-    if (x <= -kLimit) return below;
+    if (!(x > -kLimit)) return below;  // not a number, too
     if (x >= kLimit) return above;
     const double at = (x + kLimit) * kPerUnit;
     const auto i = static_cast<std::size_t>(at);
@@ -94,11 +95,12 @@ bool Gather(const GreyView& image, const ProfileRequest& r, Strip& strip) {
   return count >= kMinPixels + 2 * strip.steps && saturated <= kMaxSaturated * (count + saturated);
 }
 
-// Unknowns: base, contrast_0.., offset_0.., blur.
+// Unknowns: base, contrast_0.., offset_0.., blur, slopes on the minus and the plus side of the edge itself.
 struct Model {
   int steps;
   Vector x;
-  int size() const { return 2 + 2 * steps; }
+  int size() const { return 4 + 2 * steps; }
+  double slope(int side) const { return x[2 + 2 * steps + side]; }
   double& base() { return x[0]; }
   double contrast(int j) const { return x[1 + j]; }
   double& contrast(int j) { return x[1 + j]; }
@@ -159,6 +161,13 @@ Normal Linearise(const Strip& strip, const Model& m) {
       row[1 + j] = phi;
       row[1 + m.steps + j] = -slope;
       by_blur -= slope * z;
+      if (j > 0) continue;
+      const double d = z * blur;
+      value += d * (m.slope(0) * (1 - phi) + m.slope(1) * phi);
+      row[2 + 2 * m.steps] = d * (1 - phi);
+      row[3 + 2 * m.steps] = d * phi;
+      row[1 + m.steps] -=
+          m.slope(0) * (1 - phi) + m.slope(1) * phi + (m.slope(1) - m.slope(0)) * z * table.Density(z);
     }
     row[1 + 2 * m.steps] = by_blur;
     const double r = strip.grey[i] - value;
@@ -179,6 +188,12 @@ void AddPriors(const ProfileRequest& r, const Model& m, double var, Normal& norm
   const double wb = var / (r.blur_sigma_px * r.blur_sigma_px);
   normal.h(blur, blur) += wb;
   normal.g[blur] += wb * (r.blur_px - m.blur());
+  const double steepest = std::max(kSlopePrior * std::abs(m.contrast(0)), 1e-3);
+  for (int side = 0; side < 2; ++side) {
+    const int i = 2 + 2 * m.steps + side;
+    normal.h(i, i) += var / (steepest * steepest);
+    normal.g[i] -= var / (steepest * steepest) * m.slope(side);
+  }
   const double wn = var / (kNeighbourPrior * kNeighbourPrior);
   for (int j = 1; j < m.steps; ++j) {
     const double gap = m.offset(0) - m.offset(j);
@@ -198,7 +213,7 @@ std::optional<ProfileFit> FitProfile(const GreyView& image, const ProfileRequest
   thread_local Strip strip;
   if (!Gather(image, r, strip)) return std::nullopt;
   const auto count = static_cast<double>(strip.grey.size());
-  Model model{strip.steps, Vector::Zero(2 + 2 * strip.steps)}, trial = model;
+  Model model{strip.steps, Vector::Zero(4 + 2 * strip.steps)}, trial = model;
   double best = INFINITY;
   const int scan = static_cast<int>(std::ceil(r.search_px / (kScanStep * r.blur_px)));
   for (int k = -scan; k <= scan; ++k) {
@@ -206,6 +221,7 @@ std::optional<ProfileFit> FitProfile(const GreyView& image, const ProfileRequest
     if (sum < best) best = sum, model = trial;
   }
   const double redundancy = std::max(1.0, count - model.size());
+  if (!std::isfinite(best)) return std::nullopt;
   double var = std::max(best / redundancy, noise * noise);
   constexpr int kIterations = 8;
   Normal normal;
@@ -220,6 +236,7 @@ std::optional<ProfileFit> FitProfile(const GreyView& image, const ProfileRequest
       move = std::clamp(move, -r.blur_px, r.blur_px);
     }
     model.x += step;
+    if (!model.x.allFinite()) return std::nullopt;
     model.blur() = std::clamp(model.blur(), 0.4 * r.blur_px, 2.5 * r.blur_px);
     if (std::abs(step[1 + model.steps]) < 1e-3) break;
     if (std::abs(model.offset(0)) > r.search_px + r.blur_px) return std::nullopt;

@@ -19,9 +19,14 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kPriorPositionMm = 300, kPriorYawRad = 0.5;  // weak: only so that the system has a solution
+// How far identification may be off, several times over: what the pictures do not determine stays near it.
+constexpr double kPriorPositionMm = 25, kPriorYawRad = 0.05, kPriorDimensionMm = 25;
+// Known before without any picture, for observability: a place on the floor, a dimension's range, but no more
+// than this.
+constexpr double kKnownMm = 150, kKnownYawRad = 0.5;
 constexpr double kObservableGain =
     30;  // a dimension is observed where the pictures know it 30 times better than its range
+constexpr double kMinTiltRad = 0.003;    // a part that leans less stands straight
 constexpr double kTiltChiSquare = 18.4;  // two degrees of freedom, 1 in 10000
 constexpr double kMovedChiSquare = 3.7;  // per degree of freedom of six: 1 in 1000
 constexpr double kMinPolarityShare = 0.5;
@@ -79,6 +84,9 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
                      const ReconstructOptions& options) {
   constexpr double kReachBlurs = 3.2;  // a step has ended that many blurs from its middle
   constexpr double kMinReachPx = 2.5;
+  // What surrounds a piece (crossing contours' blur, shading) pulls it the more the shorter it is, px * px:
+  // the scatter of rendered surveys' edges that consist of one short piece.
+  constexpr double kShortPieceError = 0.3;
   constexpr double kClearBlur = 0.12;  // relative: strips whose contrast allows to learn the blur from
   PieceOptions cut;
   cut.length_px = options.piece_length_px * std::max(1.0, state.blur_px);
@@ -116,7 +124,8 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
     o.sample = piece.sample;
     o.normal = piece.curve.normal;
     o.measured = piece.curve.point + fit->offset_px * piece.curve.normal;
-    o.sigma_px = fit->sigma_px;
+    o.half_length_px = piece.half_length_px;
+    o.sigma_px = std::hypot(fit->sigma_px, kShortPieceError / (piece.half_length_px * piece.half_length_px));
     o.contrast = fit->contrast;
     group.observations.push_back(o);
     if (piece.neighbours.empty() && fit->sigma_px < kClearBlur * state.blur_px)
@@ -165,24 +174,29 @@ class Reconstructor {
     adjust.stop_sigma_mm = options_.stop_sigma_mm;
     Adjustment a(views_, std::move(parts), MakeCameras(views_, priors), MakeStops(views_), adjust);
     constexpr int kRounds = 4, kSteps = 4;
+    const auto search_of = [&](int round) {
+      return std::max(options_.search_px * std::pow(0.6, round), 0.8);
+    };
     for (int round = 0; round < kRounds; ++round) {
       if (progress_.Cancelled()) return Cancelled();
       progress_.Report("reconstruct", round, kRounds);
-      const double search = std::max(options_.search_px * std::pow(0.55, round), 0.8);
-      Measure(a, search);
+      Measure(a, search_of(round));
       a.Solve(kSteps, round > 0);
       if (round == 1 && options_.allow_tilt) DecideTilts(a);
-    }
-    if (HoldCaptured(a)) {
-      for (int round = 1; round < kRounds; ++round) {
-        if (progress_.Cancelled()) return Cancelled();
-        Measure(a, std::max(options_.search_px * std::pow(0.55, round), 0.8));
-        a.Solve(kSteps, true);
+      if (round + 2 == kRounds) {
+        if (HoldCaptured(a)) {
+          for (int again = 1; again <= round; ++again) {
+            if (progress_.Cancelled()) return Cancelled();
+            Measure(a, search_of(again));
+            a.Solve(kSteps, true);
+          }
+        }
+        a.ComputeCovariance();
+        FixUnobservable(a);
       }
     }
-    SettlePriors(a);
     ReleaseMovedCameras(a);
-    FixUnobservable(a);
+    SettlePriors(a);
     a.Solve(kSteps, true);
     a.ComputeCovariance();
     progress_.Report("reconstruct", kRounds, kRounds);
@@ -201,20 +215,39 @@ class Reconstructor {
     }
     const auto solids = PlaceAll(parts);
     const auto others = OthersOf(solids);
-    ParallelFor(parts.size(), threads_, [&](std::size_t i) { DrawToLines(parts[i], others[i]); });
-    for (auto& p : parts) SetPriors(p);
+    std::vector<LineDistances> distances(parts.size());
+    ParallelFor(parts.size(), threads_, [&](std::size_t i) {
+      distances[i] = DistancesToLines(parts[i].object, views_, &others[i], {});
+    });
+    ParallelFor(parts.size(), threads_,
+                [&](std::size_t i) { DrawToLines(parts[i], others[i], LeastOfOthers(distances, i)); });
+    for (auto& p : parts) {
+      SetPriors(p);
+      drawn_.push_back(p.object);
+    }
     return parts;
   }
 
-  void DrawToLines(AdjustedPart& part, const Occluders& others) const {
+  static LineDistances LeastOfOthers(const std::vector<LineDistances>& all, std::size_t part) {
+    LineDistances least = all[part];
+    for (std::size_t v = 0; v < least.size(); ++v)
+      for (std::size_t l = 0; l < least[v].size(); ++l) {
+        least[v][l] = INFINITY;
+        for (std::size_t q = 0; q < all.size(); ++q)
+          if (q != part) least[v][l] = std::min(least[v][l], all[q][v][l]);
+      }
+    return least;
+  }
+
+  void DrawToLines(AdjustedPart& part, const Occluders& others, const LineDistances& claimed) const {
     CoarseFitOptions o;
-    const CoarseFit upright = FitToLines(part.object, views_, &others, o);
+    const CoarseFit upright = FitToLines(part.object, views_, &others, claimed, o);
     part.object = upright.object;
     if (!options_.allow_tilt || upright.num_samples == 0) return;
     // Leaning parts fit the lines clearly better when they may lean.
-    constexpr double kMuchBetter = 0.75, kMinTiltRad = 0.003;
+    constexpr double kMuchBetter = 0.75;
     o.tilt_sigma_rad = RadFromDeg(options_.tilt_sigma_deg);
-    const CoarseFit leaning = FitToLines(part.object, views_, &others, o);
+    const CoarseFit leaning = FitToLines(part.object, views_, &others, claimed, o);
     if (leaning.cost < kMuchBetter * upright.cost && leaning.object.placement.tail<2>().norm() > kMinTiltRad)
       part.object = leaning.object;
   }
@@ -226,10 +259,7 @@ class Reconstructor {
     p.prior_sigma[3] = kPriorYawRad;
     p.prior_sigma[4] = p.prior_sigma[5] = RadFromDeg(options_.tilt_sigma_deg);
     p.prior_value[4] = p.prior_value[5] = 0;
-    const auto defs = p.object.model->dimensions();
-    for (std::size_t i = 0; i < defs.size(); ++i)
-      p.prior_sigma[kPlacementSize + static_cast<int>(i)] =
-          std::max(1.0, (defs[i].max_mm - defs[i].min_mm) / std::sqrt(12.0));
+    p.prior_sigma.tail(n - kPlacementSize).setConstant(kPriorDimensionMm);
     p.free.assign(static_cast<std::size_t>(n), true);
     if (p.object.placement[4] == 0 && p.object.placement[5] == 0) p.free[4] = p.free[5] = false;
   }
@@ -260,7 +290,7 @@ class Reconstructor {
     SettleClasses(a);
   }
 
-  // A contour is what most of its measured pieces are; contacts get a bias.
+  // A contour is what most of its measured pieces are.
   static void SettleClasses(Adjustment& a) {
     std::map<std::pair<int, int>, double> votes;
     auto vote = [](EdgeClass c) { return c == EdgeClass::kContact ? 1.0 : -1.0; };
@@ -270,7 +300,6 @@ class Reconstructor {
       const bool contact = votes[{g.part, g.contour}] > 0;
       const bool straight = g.observations[0].sample.source == ContourSample::Source::kEdge;
       g.edge_class = contact ? EdgeClass::kContact : straight ? EdgeClass::kFree : EdgeClass::kRound;
-      if (contact) a.parts[static_cast<std::size_t>(g.part)].bias_px.insert({g.contour, 0.0});
     }
   }
 
@@ -282,7 +311,8 @@ class Reconstructor {
       const int tilts[] = {4, 5};
       part.prior_sigma[4] = part.prior_sigma[5] = sigma;
       if (part.free[4]) continue;
-      if (a.GainOfFreeing(static_cast<int>(p), tilts, sigma).chi_square < kTiltChiSquare) continue;
+      const auto gain = a.GainOfFreeing(static_cast<int>(p), tilts, sigma);
+      if (gain.chi_square < kTiltChiSquare || gain.step.segment<2>(4).norm() < kMinTiltRad) continue;
       part.free[4] = part.free[5] = true;
     }
     constexpr int kSteps = 3;
@@ -298,12 +328,11 @@ class Reconstructor {
     a.ComputeCovariance();
   }
 
-  // Chi-square per degree of freedom of a camera's correction against its prior: under it the correction has
-  // the covariance prior - posterior.
+  // Chi-square per degree of freedom of a camera's correction against its prior as declared: under it the
+  // correction has the covariance prior - posterior.
   static double Significance(const Adjustment& a, std::size_t c) {
     const auto& camera = a.cameras[c];
-    const double scale = camera.prior_from_calibration ? 1 : std::max(1.0, a.camera_scale);
-    const MatrixXd prior = scale * scale * camera.prior_covariance;
+    const MatrixXd& prior = camera.prior_covariance;
     const VectorXd unit = prior.diagonal().cwiseSqrt().cwiseInverse();
     const MatrixXd gained =
         unit.asDiagonal() * (prior - a.CameraCovariance(static_cast<int>(c))) * unit.asDiagonal();
@@ -317,35 +346,51 @@ class Reconstructor {
     return n > 0 ? sum / n : 0;
   }
 
-  // The camera that least fits its prior is let go; then the others are looked at again.
+  // How much larger than declared the corrections of all cameras without calibration's word are, by the
+  // smaller half of them: one that was knocked does not raise it.
+  double CommonSignificance(const Adjustment& a) const {
+    std::vector<double> chi;
+    for (std::size_t c = 0; c < a.cameras.size(); ++c)
+      if (!a.cameras[c].prior_from_calibration) chi.push_back(significance_[c]);
+    if (chi.empty()) return 1;
+    const auto middle = chi.begin() + static_cast<std::ptrdiff_t>((chi.size() - 1) / 2);
+    std::nth_element(chi.begin(), middle, chi.end());
+    return std::max(1.0, *middle);
+  }
+
+  // The camera that least fits its prior is let go, before the priors' scale takes its move for ordinary;
+  // then the others are looked at again.
   void ReleaseMovedCameras(Adjustment& a) {
     if (!options_.adjust_cameras) return;
     significance_.assign(a.cameras.size(), 0);
     for (std::size_t rounds = 0; rounds < a.cameras.size(); ++rounds) {
+      a.ComputeCovariance();
+      for (std::size_t c = 0; c < a.cameras.size(); ++c)
+        if (!a.cameras[c].loosened) significance_[c] = Significance(a, c);
+      const double common = CommonSignificance(a);
       std::size_t worst = a.cameras.size();
+      double most = kMovedChiSquare;
       for (std::size_t c = 0; c < a.cameras.size(); ++c) {
-        if (a.cameras[c].loosened) continue;
-        significance_[c] = Significance(a, c);
-        if (worst == a.cameras.size() || significance_[c] > significance_[worst]) worst = c;
+        const double relative = significance_[c] / (a.cameras[c].prior_from_calibration ? 1 : common);
+        if (!a.cameras[c].loosened && relative > most) worst = c, most = relative;
       }
-      if (worst == a.cameras.size() || significance_[worst] < kMovedChiSquare) return;
+      if (worst == a.cameras.size()) return;
       a.cameras[worst].loosened = true;
       constexpr int kSteps = 3;
       a.Solve(kSteps, true);
-      SettlePriors(a);
     }
   }
 
-  // A dimension that left the knowledge base's range, or went further than its edge was searched for, was
-  // captured by another edge: its own is not seen. It is held at what is usual, and its part starts anew.
-  // True where one was.
+  // A dimension that left the knowledge base's range, or went further than its edge was searched for in the
+  // grey values, was captured by another edge: its own is not seen. It is held at what is usual, and its part
+  // starts anew. True where one was.
   bool HoldCaptured(Adjustment& a) {
     captured_.clear();
     bool any = false;
     const double reach_mm = options_.search_px * TypicalMmPerPx(views_);
     for (std::size_t p = 0; p < a.parts.size(); ++p) {
       auto& part = a.parts[p];
-      const PlacedObject& start = given_[p].object;
+      const PlacedObject& start = drawn_[p];
       const auto defs = start.model->dimensions();
       std::vector<bool> captured(defs.size());
       std::vector<std::optional<double>> known(defs.size());
@@ -369,6 +414,20 @@ class Reconstructor {
     return any;
   }
 
+  static double RangeSigma(const DimensionDef& d) {
+    return std::max(1.0, (d.max_mm - d.min_mm) / std::sqrt(12.0));
+  }
+
+  VectorXd KnownBefore(const AdjustedPart& p) const {
+    VectorXd sigma = VectorXd::Constant(p.object.StateSize(), kKnownMm);
+    sigma[3] = kKnownYawRad;
+    sigma[4] = sigma[5] = RadFromDeg(options_.tilt_sigma_deg);
+    const auto defs = p.object.model->dimensions();
+    for (std::size_t i = 0; i < defs.size(); ++i)
+      sigma[kPlacementSize + static_cast<Eigen::Index>(i)] = std::min(kKnownMm, RangeSigma(defs[i]));
+    return sigma;
+  }
+
   // What the pictures do not determine goes back to what is known without them.
   void FixUnobservable(Adjustment& a) {
     observable_.clear();
@@ -376,7 +435,7 @@ class Reconstructor {
     for (std::size_t p = 0; p < a.parts.size(); ++p) {
       auto& part = a.parts[p];
       const auto seen =
-          AnalyseObservability(a.DataInformation(static_cast<int>(p)), part.prior_sigma, kObservableGain);
+          AnalyseObservability(a.DataInformation(static_cast<int>(p)), KnownBefore(part), kObservableGain);
       observable_.push_back(seen.observable);
       std::vector<std::optional<double>> known;
       bool all = true;
@@ -387,10 +446,11 @@ class Reconstructor {
         known.push_back(ok ? std::optional(part.object.dimensions_mm[i]) : std::nullopt);
       }
       if (all) continue;
-      const auto usual = part.object.model->UsualDimensions(known);
-      for (std::size_t i = 0; i < usual.size(); ++i) {
-        if (known[i]) continue;
-        part.object.dimensions_mm[i] = usual[i];
+      // Back to what identification gave: from its lines, or from the knowledge base where it saw none. What
+      // was captured is held already.
+      for (std::size_t i = 0; i < known.size(); ++i) {
+        if (known[i] || captured_[p][i]) continue;
+        part.object.dimensions_mm[i] = given_[p].object.dimensions_mm[i];
         part.free[kPlacementSize + i] = false;
       }
       changed = true;
@@ -434,15 +494,8 @@ class Reconstructor {
       d.observable = observable_[p][static_cast<std::size_t>(at)];
       if (!d.observable) {
         // Not measured: known no better than its range.
-        out.covariance(at, at) = part.prior_sigma[at] * part.prior_sigma[at];
-        d.origin =
-            defs[i].usual_mm
-                ? fmt::format("the pictures do not determine it: the knowledge base's usual value of {}",
-                              d.name)
-                : fmt::format(
-                      "the pictures do not determine it: a value within the knowledge base's range {} to {} "
-                      "mm",
-                      defs[i].min_mm, defs[i].max_mm);
+        out.covariance(at, at) = RangeSigma(defs[i]) * RangeSigma(defs[i]);
+        d.origin = OriginOfHeld(defs[i], captured_[p][i]);
       }
       d.sigma_mm = std::sqrt(std::max(0.0, out.covariance(at, at)));
       out.dimensions.push_back(std::move(d));
@@ -451,6 +504,17 @@ class Reconstructor {
       out.vertex_sigma.push_back(
           (v.by_state * out.covariance * v.by_state.transpose()).diagonal().cwiseMax(0).cwiseSqrt());
     return out;
+  }
+
+  static std::string OriginOfHeld(const DimensionDef& d, bool captured) {
+    if (captured)
+      return fmt::format(
+          "another edge was met in place of its own, which is not seen; what is usual within the knowledge "
+          "base's range {} to {} mm",
+          d.min_mm, d.max_mm);
+    return fmt::format(
+        "the pictures do not determine it beyond the knowledge base's range {} to {} mm; kept as identified",
+        d.min_mm, d.max_mm);
   }
 
   static void ReportEdge(const ObservationGroup& g, ReconstructedPart& part) {
@@ -538,6 +602,7 @@ class Reconstructor {
   const Progress& progress_;
   std::vector<PictureState> states_;
   std::vector<std::vector<bool>> observable_;
+  std::vector<PlacedObject> drawn_;          // the parts as the line images have them
   std::vector<std::vector<bool>> captured_;  // per part and dimension: see HoldCaptured
   std::vector<double> significance_;
 };
