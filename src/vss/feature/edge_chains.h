@@ -8,18 +8,32 @@
 
 namespace vss {
 
+// Where edge points are: a bit a pixel, and for every 64 of them the index of the first point.
+struct PointMap {
+  struct Word {
+    std::uint64_t free = 0, all = 0;  // points not yet on a chain; every point
+    std::uint32_t first = 0;
+  };
+  std::size_t words = 0;  // of a row
+  std::vector<Word> word;
+};
+
 // Chain i is points[order[start[i]] .. order[start[i + 1]]).
 struct EdgeChains {
   std::vector<std::uint32_t> order;
   std::vector<std::uint32_t> start;
-  std::vector<std::uint16_t> cell;  // 1 + index within the row of the point at a pixel, 0 where there is none
+  PointMap map;
   std::vector<std::uint32_t> forward, backward;
 
   std::size_t size() const { return start.empty() ? 0 : start.size() - 1; }
 };
 
-// Chains of fewer than `min_points` are dropped.
-void JoinChains(const std::vector<EdgePoint>& points, const std::vector<std::uint32_t>& row_start, int width,
-                int height, int min_points, EdgeChains& chains);
+// A contour's mean gradient over the sigma that noise and texture would give a mean over so many points.
+double Significance(double mean_strength, double num_points, double texture);
+
+// Chains of fewer than `min_points`, and those that could not reach `min_significance` were all their points as
+// strong as the strongest, are dropped.
+void JoinChains(const std::vector<EdgePoint>& points, int width, int height, const NoiseMap& noise, int min_points,
+                double min_significance, EdgeChains& chains);
 
 }  // namespace vss

@@ -1,8 +1,8 @@
 #include "vss/feature/edge_points.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <limits>
 
@@ -12,51 +12,13 @@ namespace {
 constexpr int kPad = 2;       // the filter's reach
 constexpr int kBorderPx = 2;  // points nearer to the border would be made of repeated pixels
 
-// ---- noise ----
-
-constexpr int kBlockPx = 16;                           // pixels a block of the noise estimate, along a row
-constexpr int kBlockRowStep = 4;                       // every fourth row is looked at
-constexpr double kMaskNorm = 6.0;                      // root of the mask's sum of squares
-constexpr double kMeanAbsNormal = 0.7978845608028654;  // E|x| of a standard normal
-
-template <class Pixel>
-float MeanAbsMask(const Pixel* up, const Pixel* mid, const Pixel* down, int begin, int end) {
-  std::int64_t sum = 0;
-  for (int u = begin; u < end; ++u) {
-    const int l = up[u - 1] - 2 * mid[u - 1] + down[u - 1];
-    const int c = up[u] - 2 * mid[u] + down[u];
-    const int r = up[u + 1] - 2 * mid[u + 1] + down[u + 1];
-    sum += std::abs(l - 2 * c + r);
-  }
-  return static_cast<float>(double(sum) / (end - begin));
-}
-
 template <class Pixel>
 const Pixel* Row(const GreyView& image, int v) {
   return reinterpret_cast<const Pixel*>(static_cast<const std::uint8_t*>(image.data) +
                                         v * image.stride_bytes);
 }
 
-float Median(std::vector<float>& values) {
-  if (values.empty()) return 0;
-  auto middle = values.begin() + values.size() / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-template <class Pixel>
-float TileSigma(const GreyView& image, int u0, int v0, std::vector<float>& means) {
-  means.clear();
-  const int u1 = std::min(u0 + NoiseMap::kTilePx, image.width - 1),
-            v1 = std::min(v0 + NoiseMap::kTilePx, image.height - 1);
-  for (int v = std::max(v0, 1); v < v1; v += kBlockRowStep)
-    for (int u = std::max(u0, 1); u < u1; u += kBlockPx)
-      means.push_back(MeanAbsMask(Row<Pixel>(image, v - 1), Row<Pixel>(image, v), Row<Pixel>(image, v + 1), u,
-                                  std::min(u + kBlockPx, u1)));
-  return static_cast<float>(Median(means) / (kMaskNorm * kMeanAbsNormal));
-}
-
-// ---- gradient and its maxima, row by row ----
+// ---- filters of one row ----
 
 // For 8 bit pixels all values fit 16 bits: |gx|, |gy| <= 48 * 255.
 template <class Pixel>
@@ -69,6 +31,21 @@ template <>
 struct Filter<std::uint16_t> {
   using Value = std::int32_t;
 };
+
+template <class Value>
+[[gnu::always_inline]] inline Value Abs(Value x) {
+  return x < 0 ? Value(-x) : x;
+}
+
+// |response| to the mask (1 -2 1)^T (1 -2 1), which is blind to straight edges along the axes and to shading.
+template <class Pixel, class Value>
+[[gnu::always_inline]] inline void FilterMask(const Pixel* __restrict up, const Pixel* __restrict mid,
+                                              const Pixel* __restrict down, int width, Value* __restrict bend,
+                                              Value* __restrict out) {
+  for (int u = 0; u < width; ++u) bend[u] = Value(Value(up[u]) - 2 * Value(mid[u]) + Value(down[u]));
+  out[0] = out[width - 1] = 0;
+  for (int u = 1; u < width - 1; ++u) out[u] = Abs(Value(bend[u - 1] - 2 * bend[u] + bend[u + 1]));
+}
 
 template <class Pixel, class Value>
 [[gnu::always_inline]] inline void FilterDown(const Pixel* const* r, int width, Value* __restrict smooth,
@@ -93,26 +70,31 @@ template <class Value>
     const Value y = Value(slope[u - 2] + slope[u + 2] + 4 * (slope[u - 1] + slope[u + 1]) + 6 * slope[u]);
     gx[u] = x;
     gy[u] = y;
-    magnitude[u] = Value((x < 0 ? -x : x) + (y < 0 ? -y : y));
+    magnitude[u] = Value(Abs(x) + Abs(y));
   }
 }
 
-// flags[u]: whether the magnitude has a maximum here along the axis nearer to the gradient. The sum of
-// absolute values stands for the length: along a straight edge's profile they are proportional.
+// flags[u]: whether the magnitude has a maximum here along the axis nearer to the gradient, and the gradient's
+// length may be above the threshold. The sum of absolute values stands for the length in the comparison: along
+// a straight edge's profile they are proportional. 7/8 max + 1/2 min stands for it at the threshold: within 3 %.
 template <class Value>
 [[gnu::always_inline]] inline void FlagMaxima(const Value* __restrict up, const Value* __restrict mid,
                                               const Value* __restrict down, const Value* __restrict gx,
                                               const Value* __restrict gy, const Value* __restrict threshold,
                                               int width, std::uint8_t* __restrict flags) {
   for (int u = 0; u < width; ++u) {
-    const Value x = gx[u] < 0 ? Value(-gx[u]) : gx[u], y = gy[u] < 0 ? Value(-gy[u]) : gy[u];
-    const Value before = x >= y ? mid[u - 1] : up[u], after = x >= y ? mid[u + 1] : down[u];
-    flags[u] = std::uint8_t((mid[u] > threshold[u]) & (mid[u] > before) & (mid[u] >= after));
+    const Value x = Abs(gx[u]), y = Abs(gy[u]);
+    const Value large = x >= y ? x : y, small = x >= y ? y : x;
+    const Value length = Value(large - (large >> 3) + (small >> 1));
+    const Value left = mid[u - 1], right = mid[u + 1], above = up[u], below = down[u], here = mid[u];
+    const Value before = x >= y ? left : above, after = x >= y ? right : below;
+    flags[u] = (length > threshold[u]) & (here > before) & (here >= after) ? 1 : 0;
   }
 }
 
 template <class Pixel, class Value>
 struct RowFunctions {
+  void (*mask)(const Pixel*, const Pixel*, const Pixel*, int, Value*, Value*);
   void (*down)(const Pixel* const*, int, Value*, Value*);
   void (*across)(const Value*, const Value*, int, Value*, Value*, Value*);
   void (*flag)(const Value*, const Value*, const Value*, const Value*, const Value*, const Value*, int,
@@ -122,6 +104,9 @@ struct RowFunctions {
 #define VSS_ROW_FUNCTIONS(NAME, ATTRIBUTE)                                                              \
   template <class Pixel, class Value>                                                                   \
   struct NAME {                                                                                         \
+    ATTRIBUTE static void Mask(const Pixel* a, const Pixel* b, const Pixel* c, int w, Value* t, Value* o) { \
+      FilterMask<Pixel, Value>(a, b, c, w, t, o);                                                       \
+    }                                                                                                   \
     ATTRIBUTE static void Down(const Pixel* const* r, int w, Value* s, Value* d) {                      \
       FilterDown<Pixel, Value>(r, w, s, d);                                                             \
     }                                                                                                   \
@@ -132,7 +117,7 @@ struct RowFunctions {
                                const Value* y, const Value* t, int w, std::uint8_t* f) {                \
       FlagMaxima<Value>(a, b, c, x, y, t, w, f);                                                        \
     }                                                                                                   \
-    static RowFunctions<Pixel, Value> Get() { return {Down, Across, Flag}; }                            \
+    static RowFunctions<Pixel, Value> Get() { return {Mask, Down, Across, Flag}; }                      \
   }
 VSS_ROW_FUNCTIONS(Portable, );
 #if defined(__x86_64__)
@@ -171,7 +156,6 @@ Rows<Value> Layout(EdgeBuffers& buffers, int width) {
   constexpr int kRows = 12;
   const std::size_t stride = std::size_t(width) + 2 * kPad + 64 / sizeof(Value);
   buffers.rows.resize((stride * kRows * sizeof(Value) + 3) / 4);
-  buffers.flags.assign(std::size_t(width) + 8, 0);
   Value* at = reinterpret_cast<Value*>(buffers.rows.data()) + kPad;
   auto next = [&] {
     Value* row = at;
@@ -184,185 +168,234 @@ Rows<Value> Layout(EdgeBuffers& buffers, int width) {
   return r;
 }
 
-template <class Value>
-void FillThreshold(const NoiseMap& noise, int v, double factor, int width, Value* threshold) {
-  const float* tiles = &noise.sigma[std::size_t(v / NoiseMap::kTilePx) * noise.columns];
-  for (int u0 = 0, i = 0; u0 < width; u0 += NoiseMap::kTilePx, ++i) {
-    const double t = std::min(factor * tiles[i], double(std::numeric_limits<Value>::max()));
-    std::fill(threshold + u0, threshold + std::min(u0 + NoiseMap::kTilePx, width), static_cast<Value>(t));
-  }
+template <class Pixel, class Value>
+void GradientRow(const GreyView& image, const RowFunctions<Pixel, Value>& filter, const Rows<Value>& r, int v,
+                 int slot) {
+  const Pixel* rows[5];
+  for (int i = 0; i < 5; ++i) rows[i] = Row<Pixel>(image, std::clamp(v + i - 2, 0, image.height - 1));
+  filter.down(rows, image.width, r.smooth, r.slope);
+  Replicate(r.smooth, image.width);
+  Replicate(r.slope, image.width);
+  filter.across(r.smooth, r.slope, image.width, r.gx[slot], r.gy[slot], r.magnitude[slot]);
 }
 
-struct Profile {
-  double before, at, after;  // gradient along the direction at the point
-};
+// ---- noise and texture: how large mask and gradient are where no edges are ----
 
-// Offset of the maximum (px, in -0.5 to 0.5) by the parabola through the three values.
-double ParabolaOffset(const Profile& p) {
-  const double bend = p.before - 2 * p.at + p.after;
-  if (!(bend < 0)) return 0;
-  return std::clamp(0.5 * (p.before - p.after) / bend, -0.5, 0.5);
-}
-
-// Variance of the Gaussian through the three values, px^2 along the axis.
-double ProfileVariance(const Profile& p) {
-  constexpr double kWidest = 25.0;  // px^2: an edge of 5 px blur, the widest that is of use
-  const double ratio = p.before * p.after / (p.at * p.at);
-  if (!(p.before > 0 && p.after > 0 && ratio < 1))
-    return p.before > 0 && p.after > 0 ? kWidest : kGradientVariance;
-  return std::min(kWidest, -1.0 / std::log(ratio));
-}
-
-template <class Value>
-EdgePoint PointAt(const Rows<Value>& r, const int (&ring)[3], int u, int v, double length) {
-  const Value *gx = r.gx[ring[1]], *gy = r.gy[ring[1]];
-  const double x = gx[u], y = gy[u];
-  const bool horizontal = std::abs(x) >= std::abs(y);
-  auto along = [&](double gx_there, double gy_there) { return (gx_there * x + gy_there * y) / length; };
-  const Profile p = horizontal ? Profile{along(gx[u - 1], gy[u - 1]), length, along(gx[u + 1], gy[u + 1])}
-                               : Profile{along(r.gx[ring[0]][u], r.gy[ring[0]][u]), length,
-                                         along(r.gx[ring[2]][u], r.gy[ring[2]][u])};
-  const double offset = ParabolaOffset(p);
-  const double cosine = (horizontal ? std::abs(x) : std::abs(y)) / length;
-  return {static_cast<float>(u + (horizontal ? offset : 0)),
-          static_cast<float>(v + (horizontal ? 0 : offset)),
-          static_cast<float>(x),
-          static_cast<float>(y),
-          static_cast<float>(ProfileVariance(p) * cosine * cosine),
-          static_cast<std::uint16_t>(u),
-          static_cast<std::uint16_t>(v)};
-}
-
-template <class Value>
-void CollectRow(const Rows<Value>& r, const int (&ring)[3], const std::uint8_t* flags, int v, int width,
-                std::vector<EdgePoint>& points) {
-  for (int u0 = 0; u0 < width; u0 += 8) {
-    std::uint64_t eight;
-    std::memcpy(&eight, flags + u0, 8);
-    if (eight == 0) continue;
-    for (int u = std::max(u0, kBorderPx); u < std::min(u0 + 8, width - kBorderPx); ++u) {
-      if (!flags[u]) continue;
-      const double x = r.gx[ring[1]][u], y = r.gy[ring[1]][u], length = std::sqrt(x * x + y * y);
-      if (length > r.threshold[u]) points.push_back(PointAt(r, ring, u, v, length));
-    }
-  }
-}
-
-// ---- texture: how large the gradient is where no edges are ----
-
-constexpr double kMeanAbsSum = 2 * kMeanAbsNormal;  // E(|x| + |y|) of two standard normals
+constexpr int kBlockPx = 16;                           // pixels of a block, along a row
+constexpr int kBlockRowStep = 4;                       // every fourth row is looked at
+constexpr int kTileBlocks = NoiseMap::kTilePx / kBlockPx * (NoiseMap::kTilePx / kBlockRowStep);
+constexpr double kMaskNorm = 6.0;                      // root of the mask's sum of squares
+constexpr double kMeanAbsNormal = 0.7978845608028654;  // E|x| of a standard normal
+constexpr double kMeanAbsSum = 2 * kMeanAbsNormal;     // E(|x| + |y|) of two standard normals
 constexpr double kQuietShare = 0.3;  // of a tile's blocks: edges may cross seven tenths of them
 
+// The quantile of up to kTileBlocks values, 0 of none: that whose rank it is, found by counting.
+float Quantile(const float* values, int count, double share) {
+  if (count == 0) return 0;
+  const int wanted = static_cast<int>(share * count);
+  float padded[kTileBlocks];
+  std::fill(std::copy_n(values, count, padded), padded + kTileBlocks, std::numeric_limits<float>::max());
+  for (int i = 0; i < count; ++i) {
+    int below = 0, not_above = 0;
+    for (int j = 0; j < kTileBlocks; ++j) below += padded[j] < padded[i], not_above += padded[j] <= padded[i];
+    if (below <= wanted && wanted < not_above) return padded[i];
+  }
+  return padded[0];
+}
+
+// Means of a row's blocks go to the tiles that they lie in; those of the first and last `border` pixels count
+// for nothing.
 template <class Value>
-void CollectBlocks(const Value* magnitude, int width, std::vector<std::vector<float>>& blocks) {
-  for (int u = kBorderPx; u + kBlockPx <= width - kBorderPx; u += kBlockPx) {
-    std::int64_t sum = 0;
-    for (int i = 0; i < kBlockPx; ++i) sum += magnitude[u + i];
-    blocks[std::size_t(u / NoiseMap::kTilePx)].push_back(static_cast<float>(sum) / kBlockPx);
+void CollectBlocks(const Value* values, int width, int border, int place, std::vector<float>& blocks) {
+  for (int u0 = 0, i = 0; u0 < width; u0 += kBlockPx, ++i) {
+    const int begin = std::max(u0, border), end = std::min(u0 + kBlockPx, width - border);
+    std::int32_t sum = 0;
+    std::int64_t total = 0;
+    if constexpr (sizeof(Value) == 2) {
+      for (int u = begin; u < end; ++u) sum += values[u];
+      total = sum;
+    } else {
+      for (int u = begin; u < end; ++u) total += values[u];
+    }
+    constexpr int kPerRow = NoiseMap::kTilePx / kBlockPx;
+    blocks[std::size_t(i / kPerRow) * kTileBlocks + place * kPerRow + i % kPerRow] =
+        end > begin ? static_cast<float>(total) / (end - begin) : -1.0f;
   }
 }
 
-// Ends a row of tiles.
-void AppendTexture(std::vector<std::vector<float>>& blocks, std::vector<float>& raw) {
-  for (auto& b : blocks) {
-    float quiet = raw.empty() ? 0 : raw.back();
-    if (!b.empty()) {
-      auto at = b.begin() + std::ptrdiff_t(kQuietShare * double(b.size()));
-      std::nth_element(b.begin(), at, b.end());
-      quiet = static_cast<float>(*at / kMeanAbsSum);
-    }
-    raw.push_back(quiet);
-    b.clear();
+// Ends a row of tiles. `rows`: how many of the tiles' sampled rows there were.
+void AppendQuantiles(std::vector<float>& blocks, int rows, int columns, double share, double per_sigma,
+                     std::vector<float>& raw) {
+  constexpr int kPerRow = NoiseMap::kTilePx / kBlockPx;
+  for (int x = 0; x < columns; ++x) {
+    float* begin = &blocks[std::size_t(x) * kTileBlocks];
+    float* end = std::remove(begin, begin + rows * kPerRow, -1.0f);
+    const bool none = end == begin;
+    raw.push_back(none && !raw.empty() ? raw.back()
+                                       : Quantile(begin, static_cast<int>(end - begin), share) /
+                                             static_cast<float>(none ? 1 : per_sigma));
   }
 }
 
 // The median over the 3x3 tiles around each, not below `floor`.
-void MedianOfTiles(const std::vector<float>& raw, int columns, int rows, float floor,
-                   std::vector<float>& around, std::vector<float>& out) {
+void MedianOfTiles(const std::vector<float>& raw, int columns, int rows, float floor, std::vector<float>& out) {
   out.resize(raw.size());
   for (int y = 0; y < rows; ++y)
     for (int x = 0; x < columns; ++x) {
-      around.clear();
+      float around[9];
+      int n = 0;
       for (int j = std::max(0, y - 1); j <= std::min(rows - 1, y + 1); ++j)
         for (int i = std::max(0, x - 1); i <= std::min(columns - 1, x + 1); ++i)
-          around.push_back(raw[std::size_t(j) * columns + i]);
-      out[std::size_t(y) * columns + x] = std::max(floor, Median(around));
+          around[n++] = raw[std::size_t(j) * columns + i];
+      out[std::size_t(y) * columns + x] = std::max(floor, Quantile(around, n, 0.5));
     }
 }
 
 template <class Pixel>
-void FindPoints(const GreyView& image, NoiseMap& noise, double factor, EdgeBuffers& buffers,
-                std::vector<EdgePoint>& points, std::vector<std::uint32_t>& row_start) {
+void MeasureTiles(const GreyView& image, EdgeBuffers& b, const NoiseMap& noise) {
   using Value = typename Filter<Pixel>::Value;
-  const auto filter = Choose<Pixel, Value>(buffers.simd);
-  const int w = image.width, h = image.height;
-  Rows<Value> r = Layout<Value>(buffers, w);
-  auto gradient_row = [&](int v) {
-    const Pixel* rows[5];
-    for (int i = 0; i < 5; ++i) rows[i] = Row<Pixel>(image, std::clamp(v + i - 2, 0, h - 1));
-    filter.down(rows, w, r.smooth, r.slope);
-    Replicate(r.smooth, w);
-    Replicate(r.slope, w);
-    filter.across(r.smooth, r.slope, w, r.gx[v % 3], r.gy[v % 3], r.magnitude[v % 3]);
-  };
-  auto& raw = buffers.raw_sigma;
-  raw.clear();
-  buffers.tile_blocks.resize(std::size_t(noise.columns));
-  for (auto& b : buffers.tile_blocks) b.clear();
-  row_start.assign(std::size_t(h) + 1, static_cast<std::uint32_t>(points.size()));
-  for (int v = kBorderPx - 1; v < h - kBorderPx + 1; ++v) {
-    gradient_row(v);
-    const int middle = v - 1;
-    if (middle < kBorderPx) continue;
-    if (middle == kBorderPx || middle % NoiseMap::kTilePx == 0)
-      FillThreshold(noise, middle, factor, w, r.threshold);
-    const int ring[3] = {(middle + 2) % 3, middle % 3, (middle + 1) % 3};
-    filter.flag(r.magnitude[ring[0]] + 1, r.magnitude[ring[1]] + 1, r.magnitude[ring[2]] + 1,
-                r.gx[ring[1]] + 1, r.gy[ring[1]] + 1, r.threshold + 1, w - 2, buffers.flags.data() + 1);
-    row_start[std::size_t(middle)] = static_cast<std::uint32_t>(points.size());
-    if (middle % kBlockRowStep == 0) CollectBlocks(r.magnitude[ring[1]], w, buffers.tile_blocks);
-    if ((middle + 1) % NoiseMap::kTilePx == 0) AppendTexture(buffers.tile_blocks, raw);
-    CollectRow(r, ring, buffers.flags.data(), middle, w, points);
-    row_start[std::size_t(middle) + 1] = static_cast<std::uint32_t>(points.size());
+  const auto filter = Choose<Pixel, Value>(b.simd);
+  const Rows<Value> r = Layout<Value>(b, image.width);
+  b.raw_sigma.clear(), b.raw_texture.clear();
+  for (int y = 0; y < noise.rows; ++y) {
+    const std::size_t size = std::size_t(noise.columns) * kTileBlocks;
+    b.noise_blocks.assign(size, -1.0f), b.texture_blocks.assign(size, -1.0f);
+    int place = 0;
+    for (int v = y * NoiseMap::kTilePx + 2; v < std::min((y + 1) * NoiseMap::kTilePx, image.height - 1);
+         v += kBlockRowStep, ++place) {
+      filter.mask(Row<Pixel>(image, v - 1), Row<Pixel>(image, v), Row<Pixel>(image, v + 1), image.width, r.smooth,
+                  r.slope);
+      CollectBlocks(r.slope, image.width, 1, place, b.noise_blocks);
+      GradientRow(image, filter, r, v, 0);
+      CollectBlocks(r.magnitude[0], image.width, kBorderPx, place, b.texture_blocks);
+    }
+    AppendQuantiles(b.noise_blocks, place, noise.columns, 0.5, kMaskNorm * kMeanAbsNormal, b.raw_sigma);
+    AppendQuantiles(b.texture_blocks, place, noise.columns, kQuietShare, kMeanAbsSum, b.raw_texture);
   }
-  for (int v = std::max(kBorderPx, h - kBorderPx); v <= h; ++v)
-    row_start[std::size_t(v)] = static_cast<std::uint32_t>(points.size());
-  while (raw.size() < noise.sigma.size()) AppendTexture(buffers.tile_blocks, raw);
-  MedianOfTiles(raw, noise.columns, noise.rows, 0, buffers.block_means, noise.texture);
-  for (std::size_t i = 0; i < noise.texture.size(); ++i)
-    noise.texture[i] = std::max(noise.texture[i], static_cast<float>(kGradientNoise * noise.sigma[i]));
+}
+
+// ---- maxima of the gradient, row by row ----
+
+// Edge points weaker than so many sigmas of the texture around them wander with it and make no lines.
+constexpr double kTextureSigmas = 2.5;
+
+template <class Value>
+void FillThreshold(const NoiseMap& noise, int v, double noise_sigmas, int width, Value* threshold) {
+  const std::size_t first = noise.Tile(0, v);
+  for (int u0 = 0, i = 0; u0 < width; u0 += NoiseMap::kTilePx, ++i) {
+    const double t = std::max(noise_sigmas * kGradientNoise * noise.sigma[first + i],
+                              kTextureSigmas * noise.texture[first + i]);
+    std::fill(threshold + u0, threshold + std::min(u0 + NoiseMap::kTilePx, width),
+              static_cast<Value>(std::min(t, double(std::numeric_limits<Value>::max()))));
+  }
+}
+
+struct Profile {
+  float before, at, after;  // gradient along the direction at the point
+};
+
+// Offset of the maximum (px, in -0.5 to 0.5) by the parabola through the three values.
+float ParabolaOffset(const Profile& p) {
+  const float bend = p.before - 2 * p.at + p.after;
+  if (!(bend < 0)) return 0;
+  return std::clamp(0.5f * (p.before - p.after) / bend, -0.5f, 0.5f);
+}
+
+// Variance of the Gaussian through the three values, px^2 along the axis.
+float ProfileVariance(const Profile& p) {
+  constexpr float kWidest = 25;  // px^2: an edge of 5 px blur, the widest that is of use
+  constexpr float kWidestRatio = 0.9607894f;  // exp(-1 / kWidest)
+  if (!(p.before > 0 && p.after > 0)) return static_cast<float>(kGradientVariance);
+  const float ratio = p.before * p.after / (p.at * p.at);
+  return ratio >= kWidestRatio ? kWidest : -1.0f / std::log(ratio);
+}
+
+template <class Value>
+EdgePoint PointAt(const Rows<Value>& r, const int (&ring)[3], int u, int v, float length) {
+  const Value *gx = r.gx[ring[1]], *gy = r.gy[ring[1]];
+  const float x = static_cast<float>(gx[u]) / length, y = static_cast<float>(gy[u]) / length;
+  const bool horizontal = std::abs(x) >= std::abs(y);
+  auto along = [&](Value gx_there, Value gy_there) {
+    return static_cast<float>(gx_there) * x + static_cast<float>(gy_there) * y;
+  };
+  const Profile p = horizontal ? Profile{along(gx[u - 1], gy[u - 1]), length, along(gx[u + 1], gy[u + 1])}
+                               : Profile{along(r.gx[ring[0]][u], r.gy[ring[0]][u]), length,
+                                         along(r.gx[ring[2]][u], r.gy[ring[2]][u])};
+  const float offset = ParabolaOffset(p), cosine = horizontal ? x : y;
+  return {static_cast<float>(u) + (horizontal ? offset : 0),
+          static_cast<float>(v) + (horizontal ? 0 : offset),
+          x,
+          y,
+          length,
+          ProfileVariance(p) * cosine * cosine,
+          static_cast<std::uint16_t>(u),
+          static_cast<std::uint16_t>(v)};
+}
+
+// The places of a row's flags, in order.
+std::size_t ListFlags(const std::uint8_t* flags, int width, std::uint32_t* out) {
+  std::size_t n = 0;
+  for (int u0 = 0; u0 < width; u0 += 8) {
+    std::uint64_t eight;
+    std::memcpy(&eight, flags + u0, 8);
+    for (; eight != 0; eight &= eight - 1) out[n++] = static_cast<std::uint32_t>(u0 + std::countr_zero(eight) / 8);
+  }
+  return n;
+}
+
+template <class Pixel>
+void FindPoints(const GreyView& image, const NoiseMap& noise, double noise_sigmas, EdgeBuffers& b,
+                std::vector<EdgePoint>& points) {
+  using Value = typename Filter<Pixel>::Value;
+  const auto filter = Choose<Pixel, Value>(b.simd);
+  const int w = image.width, h = image.height;
+  const Rows<Value> r = Layout<Value>(b, w);
+  b.flags.assign(std::size_t(w) + 16, 0);
+  b.flagged.resize(std::size_t(w));
+  GradientRow(image, filter, r, kBorderPx - 1, (kBorderPx - 1) % 3);
+  GradientRow(image, filter, r, kBorderPx, kBorderPx % 3);
+  for (int v = kBorderPx; v < h - kBorderPx; ++v) {
+    GradientRow(image, filter, r, v + 1, (v + 1) % 3);
+    if (v == kBorderPx || v % NoiseMap::kTilePx == 0) FillThreshold(noise, v, noise_sigmas, w, r.threshold);
+    const int ring[3] = {(v + 2) % 3, v % 3, (v + 1) % 3};
+    constexpr int k = kBorderPx;
+    filter.flag(r.magnitude[ring[0]] + k, r.magnitude[ring[1]] + k, r.magnitude[ring[2]] + k, r.gx[ring[1]] + k,
+                r.gy[ring[1]] + k, r.threshold + k, w - 2 * k, b.flags.data());
+    const std::size_t n = ListFlags(b.flags.data(), w - 2 * k, b.flagged.data());
+    for (std::size_t i = 0; i < n; ++i) {
+      const int u = k + static_cast<int>(b.flagged[i]);
+      const float x = r.gx[ring[1]][u], y = r.gy[ring[1]][u];
+      points.push_back(PointAt(r, ring, u, v, std::sqrt(x * x + y * y)));
+    }
+  }
 }
 
 }  // namespace
 
-void EstimateNoise(const GreyView& image, float min_sigma, EdgeBuffers& buffers, NoiseMap& noise) {
+void EstimateNoise(const GreyView& image, float min_sigma, EdgeBuffers& b, NoiseMap& noise) {
   noise.columns = (image.width + NoiseMap::kTilePx - 1) / NoiseMap::kTilePx;
   noise.rows = (image.height + NoiseMap::kTilePx - 1) / NoiseMap::kTilePx;
-  auto& raw = buffers.raw_sigma;
-  raw.clear();
-  for (int y = 0; y < noise.rows; ++y)
-    for (int x = 0; x < noise.columns; ++x) {
-      const int u = x * NoiseMap::kTilePx, v = y * NoiseMap::kTilePx;
-      raw.push_back(image.bits == 8 ? TileSigma<std::uint8_t>(image, u, v, buffers.block_means)
-                                    : TileSigma<std::uint16_t>(image, u, v, buffers.block_means));
-    }
-  MedianOfTiles(raw, noise.columns, noise.rows, min_sigma, buffers.block_means, noise.sigma);
-  noise.median_sigma = std::max(min_sigma, Median(raw));
+  if (image.bits == 8)
+    MeasureTiles<std::uint8_t>(image, b, noise);
+  else
+    MeasureTiles<std::uint16_t>(image, b, noise);
+  MedianOfTiles(b.raw_sigma, noise.columns, noise.rows, min_sigma, noise.sigma);
+  MedianOfTiles(b.raw_texture, noise.columns, noise.rows, 0, noise.texture);
+  for (std::size_t i = 0; i < noise.texture.size(); ++i)
+    noise.texture[i] = std::max(noise.texture[i], static_cast<float>(kGradientNoise * noise.sigma[i]));
+  const auto middle = b.raw_sigma.begin() + std::ptrdiff_t(b.raw_sigma.size() / 2);
+  std::nth_element(b.raw_sigma.begin(), middle, b.raw_sigma.end());
+  noise.median_sigma = std::max(min_sigma, *middle);
 }
 
-void FindEdgePoints(const GreyView& image, NoiseMap& noise, double threshold_sigmas, EdgeBuffers& buffers,
-                    std::vector<EdgePoint>& points, std::vector<std::uint32_t>& row_start) {
+void FindEdgePoints(const GreyView& image, const NoiseMap& noise, double threshold_sigmas, EdgeBuffers& buffers,
+                    std::vector<EdgePoint>& points) {
   points.clear();
-  if (image.width <= 2 * kBorderPx || image.height <= 2 * kBorderPx) {
-    row_start.assign(std::size_t(std::max(image.height, 0)) + 1, 0);
-    noise.texture = noise.sigma;
-    return;
-  }
-  const double factor = threshold_sigmas * kGradientNoise;
+  if (image.width <= 2 * kBorderPx || image.height <= 2 * kBorderPx) return;
   if (image.bits == 8)
-    FindPoints<std::uint8_t>(image, noise, factor, buffers, points, row_start);
+    FindPoints<std::uint8_t>(image, noise, threshold_sigmas, buffers, points);
   else
-    FindPoints<std::uint16_t>(image, noise, factor, buffers, points, row_start);
+    FindPoints<std::uint16_t>(image, noise, threshold_sigmas, buffers, points);
 }
 
 }  // namespace vss

@@ -16,10 +16,10 @@ inline constexpr double kGradientGain = 128.0;
 inline constexpr double kGradientNoise = 26.457513110645906;  // sqrt(70 * 10)
 inline constexpr double kGradientVariance = 0.875;            // mean of 1 (binomial) and 0.75 (derivative)
 
-// `u`, `v`: px, img. `gx`, `gy`: gradient, filter units. `width2_px2`: variance of the gradient's profile
-// across the edge.
+// `u`, `v`: px, img. `nu`, `nv`: unit vector towards the bright side. `strength`: length of the gradient, filter
+// units. `width2_px2`: variance of the gradient's profile across the edge.
 struct EdgePoint {
-  float u, v, gx, gy, width2_px2;
+  float u, v, nu, nv, strength, width2_px2;
   std::uint16_t cell_u, cell_v;  // the pixel that it was found at
 };
 
@@ -31,7 +31,7 @@ struct NoiseMap {
   int columns = 0, rows = 0;
   std::vector<float> sigma;
   std::vector<float> texture;  // sigma of a component of the gradient (filter units) where there are no
-                               // edges: noise and texture
+                               // edges: noise and texture, the low quantile of a tile's blocks
   float median_sigma = 0;
 
   std::size_t Tile(int u, int v) const { return std::size_t(v / kTilePx) * columns + u / kTilePx; }
@@ -46,17 +46,18 @@ enum class Simd { kBest, kPortable, kAvx2, kAvx512 };
 struct EdgeBuffers {
   std::vector<std::int32_t> rows;  // filtered rows in flight
   std::vector<std::uint8_t> flags;
-  std::vector<float> block_means, raw_sigma;
-  std::vector<std::vector<float>> tile_blocks;  // mean magnitudes, per tile of a row of tiles
+  std::vector<std::uint32_t> flagged;
+  std::vector<float> noise_blocks, texture_blocks;  // mean magnitudes, per tile of a row of tiles
+  std::vector<float> raw_sigma, raw_texture;
   Simd simd = Simd::kBest;
 };
 
 // Fills `noise`. `min_sigma`: no tile is taken for quieter than that (quantisation, grey levels).
 void EstimateNoise(const GreyView& image, float min_sigma, EdgeBuffers& buffers, NoiseMap& noise);
 
-// The edge points in raster order, and noise.texture; those below `threshold_sigmas` of the gradient's noise
-// are left out. row_start[v]: index of row v's first point (height + 1 entries).
-void FindEdgePoints(const GreyView& image, NoiseMap& noise, double threshold_sigmas, EdgeBuffers& buffers,
-                    std::vector<EdgePoint>& points, std::vector<std::uint32_t>& row_start);
+// The edge points in raster order; those below `threshold_sigmas` of the gradient's noise, or lost in the texture
+// around them, are left out.
+void FindEdgePoints(const GreyView& image, const NoiseMap& noise, double threshold_sigmas, EdgeBuffers& buffers,
+                    std::vector<EdgePoint>& points);
 
 }  // namespace vss

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "vss/feature/hidden_edge.h"
+
 namespace vss {
 namespace {
 
@@ -262,11 +264,11 @@ StripSettings SettingsFor(const RefineContext& x, const StripFrame& frame, const
   return settings;
 }
 
-Attempt FitWith(const RefineContext& x, const StripFrame& frame, double contrast, const StripEdge* partner, const StripSettings& settings,
-                RefineBuffers& b) {
-  StripEdge edges[2] = {{0, 0, contrast, Eigen::Matrix2d::Zero()}, partner ? *partner : StripEdge{}};
+Attempt FitWith(const RefineContext& x, const StripFrame& frame, const StripEdge& main, const StripEdge* partner,
+                const StripSettings& settings, RefineBuffers& b) {
+  StripEdge edges[2] = {main, partner ? *partner : StripEdge{}};
   Attempt out;
-  if (partner && edges[1].offset < 0) std::swap(edges[0], edges[1]), out.index = 1;
+  if (partner && edges[1].offset < edges[0].offset) std::swap(edges[0], edges[1]), out.index = 1;
   out.fit = FitStrip(x.image, frame, std::span(edges, partner ? 2 : 1), b.neighbours, settings, x.simd, b.strip);
   return out;
 }
@@ -286,7 +288,7 @@ Attempt FirstFit(const RefineContext& x, const StripFrame& frame, const LineSegm
   for (const double share : {1.0, 0.6, 0.3}) {
     // Where too little is left between the neighbours, nearer to them; in the end what there is.
     settings.margin_px = share * kMarginPx;
-    out = FitWith(x, frame, s.contrast, partner, settings, b);
+    out = FitWith(x, frame, {0, 0, s.contrast, Eigen::Matrix2d::Zero()}, partner, settings, b);
     if (out.fit.ok) break;
   }
   return out;
@@ -295,35 +297,22 @@ Attempt FirstFit(const RefineContext& x, const StripFrame& frame, const LineSegm
 constexpr double kMaxCoherence = 60;  // twenty bins of t, and texture along the edge may double or treble each
 
 // Pixels that fit badly in the same way all along the edge tell of another one close beside it that was not found by itself
-// (the side of a thin plate). The fit with the best place for it, or the fit as it was.
+// (the side of a thin plate). The fit with the best place for it, or the fit as it was, whose profile b.strip still holds.
 Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const LineSegment& s, const KnownBlur& known, const Corners& corners,
                        const Attempt& single, RefineBuffers& b) {
   constexpr double kMinGain = 25;  // of the sum of squared residuals over their variance, for three or four more parameters
   constexpr double kMinHiddenShare = 0.05;
-  constexpr double kEnoughColumns = 40;  // to choose the place by
-  StripSettings settings = SettingsFor(x, frame, s, known, corners);
-  Attempt best = single;
-  double best_variance = single.fit.ok ? single.fit.residual_sigma * single.fit.residual_sigma : 1e300;
-  const int step = std::max(1, static_cast<int>((frame.to - frame.from) / kEnoughColumns));
-  for (const double place : {2.8, -2.8}) {
-    const StripEdge start{place, 0, 0, Eigen::Matrix2d::Zero()};
-    settings.column_step = step;
-    Attempt two = FitWith(x, frame, s.contrast, &start, settings, b);
-    if (two.fit.ok && step > 1) {
-      const StripEdge hidden = two.fit.edges[1 - two.index];
-      settings.column_step = 1;
-      two = FitWith(x, frame, s.contrast, &hidden, settings, b);
-    }
-    if (!two.fit.ok) continue;
-    const StripEdge &main = two.fit.edges[two.index], &other = two.fit.edges[1 - two.index];
-    const double variance = two.fit.residual_sigma * two.fit.residual_sigma, pixels = 2 * settings.reach_px * two.fit.num_columns;
-    if (std::abs(main.offset) > std::abs(other.offset) || !Passes(two.fit, main, frame, s.contrast, false) ||
-        std::abs(other.contrast) < kMinHiddenShare * main.contrast || std::abs(main.offset - other.offset) < settings.start_blur_px)
-      continue;
-    if (variance >= best_variance || (single.fit.ok && pixels * (best_variance / variance - 1) < kMinGain)) continue;
-    best_variance = variance, best = two;
-  }
-  return best;
+  const auto hidden = FindHiddenEdge(b.strip.profile);
+  if (!hidden || hidden->gain < kMinGain) return single;
+  const StripSettings settings = SettingsFor(x, frame, s, known, corners);
+  const Attempt two = FitWith(x, frame, hidden->main, &hidden->other, settings, b);
+  const StripEdge &main = two.fit.edges[two.index], &other = two.fit.edges[1 - two.index];
+  if (!Passes(two.fit, main, frame, s.contrast, false) || std::abs(main.offset) > std::abs(other.offset) ||
+      std::abs(other.contrast) < kMinHiddenShare * main.contrast || std::abs(main.offset - other.offset) < settings.start_blur_px)
+    return single;
+  if (!single.fit.ok) return two;
+  const double before = std::pow(single.fit.residual_sigma, 2), after = std::pow(two.fit.residual_sigma, 2);
+  return 2 * settings.reach_px * two.fit.num_columns * (before / after - 1) < kMinGain ? single : two;
 }
 
 // The lens's blur from the segments that were fitted: a low quantile, since what disturbs an edge makes it
@@ -364,7 +353,7 @@ void RefinePlaces(const RefineContext& x, std::vector<LineSegment>& segments, Re
       const StripFrame frame = Trimmed(whole, corners);
       Attempt attempt = FirstFit(x, frame, raw, around, known, corners, b);
       const bool fits = Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, around.partner >= 0);
-      if (pass == 1 && around.partner < 0 && (!fits || attempt.fit.coherence > kMaxCoherence)) {
+      if (pass == 1 && around.partner < 0 && attempt.fit.profiled && (!fits || attempt.fit.coherence > kMaxCoherence)) {
         attempt.fit.ok = fits;
         attempt = WithHiddenEdge(x, frame, raw, known, corners, attempt, b);
       }

@@ -55,9 +55,11 @@ FittedLine FitLine(const LineMoments& m, const Eigen::Vector2d& towards) {
   const double mx = m.x / m.n, my = m.y / m.n;
   const double cxx = m.xx / m.n - mx * mx, cxy = m.xy / m.n - mx * my, cyy = m.yy / m.n - my * my;
   const double half = 0.5 * (cxx - cyy), root = std::sqrt(half * half + cxy * cxy);
-  const double angle = 0.5 * std::atan2(cxy, half);
   line.point = {mx, my};
-  line.direction = {std::cos(angle), std::sin(angle)};
+  // Eigenvector of the larger eigenvalue, by the row that cancels nothing.
+  const Eigen::Vector2d along = half >= 0 ? Eigen::Vector2d(half + root, cxy) : Eigen::Vector2d(cxy, root - half);
+  const double length = along.norm();
+  line.direction = length > 0 ? Eigen::Vector2d(along / length) : Eigen::Vector2d(1, 0);
   if (line.direction.dot(towards) < 0) line.direction = -line.direction;
   line.rms_px = std::sqrt(std::max(0.0, 0.5 * (cxx + cyy) - root));
   return line;

@@ -24,6 +24,7 @@ struct StripFrame {
   double from = 0, to = 0;  // of the edge, along
   double node[kNodes] = {}, difference[kNodes] = {};
 
+  bool Bent() const { return node[0] != node[1]; }
   double Sag(double a) const {
     double y = difference[kNodes - 1];
     for (int i = kNodes - 1; i-- > 0;) y = y * (a - node[i]) + difference[i];
@@ -56,6 +57,7 @@ struct StripEdge {
 
 struct StripFit {
   bool ok = false;
+  bool profiled = false;  // the buffers' profile is this fit's
   StripEdge edges[2];
   double blur_px = 0;         // lens and pixel: s of the model
   double residual_sigma = 0;  // grey levels
@@ -66,10 +68,40 @@ struct StripFit {
   double from = 0, to = 0;  // along, of the columns that took part
 };
 
+// What a fit left, by the distance from its line: sums of the residuals in bins of t.
+struct StripProfile {
+  static constexpr int kBins = 48;
+  static constexpr double kBinPx = 0.5;
+
+  double low = 0;                              // t of the first bin's beginning
+  double offset = 0, contrast = 0, blur = 0;  // of the fit's first edge
+  float sum[kBins] = {}, count[kBins] = {};
+  double squares = 0, pixels = 0;  // sum of the squared residuals, and over how many pixels
+
+  // The bins' sums squared over what noise as large as the residuals would give: about the number of bins where
+  // the model holds.
+  double Coherence() const;
+};
+
+// A neighbour, prepared.
+struct StripObstacle {
+  Eigen::Vector2d from, to;
+  double along, across, length, reach;  // unit direction; half of what it spoils, along t
+  double first, last;                   // of a, where it matters
+};
+
 struct StripBuffers {
-  std::vector<float> along, across, grey, weight, corner;  // per pixel
+  static constexpr std::size_t kSpare = 64;  // floats beyond the last pixel that may be written
+
+  std::vector<float> along, across, grey, weight, corner, residual, by_place;  // per pixel
   std::vector<std::uint32_t> column_start;
   std::vector<float> column_place, column_along, sorted;
+  std::vector<StripObstacle> obstacles;
+  StripProfile profile;  // of the last fit
+
+  void Grow(std::size_t size) {
+    for (auto* v : {&along, &across, &grey, &weight, &corner, &residual, &by_place}) v->resize(size);
+  }
 };
 
 struct StripSettings {

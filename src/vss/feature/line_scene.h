@@ -1,0 +1,74 @@
+// What the steps of DetectLines share.
+#pragma once
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "vss/feature/edge_chains.h"
+#include "vss/feature/edge_points.h"
+#include "vss/feature/line_image.h"
+#include "vss/feature/line_refine.h"
+#include "vss/feature/straight_pieces.h"
+#include "vss/feature/undistortion_grid.h"
+
+namespace vss {
+
+// A straight piece on its way to a segment.
+struct PieceState {
+  StraightPiece piece;
+  double contrast = 0, strength = 0;  // means of its points
+  bool alive = true;                  // not yet part of another
+
+  Eigen::Vector2d Start() const { return piece.line.point + piece.from * piece.line.direction; }
+  Eigen::Vector2d End() const { return piece.line.point + piece.to * piece.line.direction; }
+  double Length() const { return piece.to - piece.from; }
+};
+
+struct LineWorkspace::Buffers {
+  EdgeBuffers edges;
+  NoiseMap noise;
+  std::vector<EdgePoint> points;
+  EdgeChains chains;
+  UndistortionGrid grid;
+  std::vector<Eigen::Vector2d> positions;  // ideal, of the chains' points in order
+  std::vector<float> tolerance;            // px, of the same
+  std::vector<StraightPiece> pieces;
+  std::vector<char> in_arc;  // per piece
+  std::vector<Eigen::Vector2d> arc_points, arc_ideal;
+  std::vector<PieceState> states;
+  std::vector<std::int32_t> cell_first, cell_next;
+  RefineBuffers refine;
+};
+
+struct Scene {
+  const GreyView& image;
+  const Intrinsics* lens;
+  const LineOptions& options;
+  LineWorkspace::Buffers& b;
+
+  Eigen::Vector2d Img(const Eigen::Vector2d& ideal) const {
+    if (!lens) return ideal;
+    return lens->ImgFromNormalized(lens->NormalizedFromIdeal(ideal)).value_or(ideal);
+  }
+  const EdgePoint& PointAt(std::uint32_t place) const { return b.points[b.chains.order[place]]; }
+};
+
+// A parabola's place is no better than this, and the filter makes the noise of so many neighbours on a contour one.
+inline constexpr double kMinPlaceSigmaPx = 0.03, kNeighbourCorrelation = 3.5;
+
+// Grey levels between the two sides: the profile is taken for a Gaussian edge seen through the filter.
+inline double ContrastOf(const EdgePoint& p) {
+  constexpr float kTwoPi = 6.2831853f;
+  const float variance = std::clamp(p.width2_px2, static_cast<float>(kGradientVariance), 25.0f);
+  return p.strength / static_cast<float>(kGradientGain) * std::sqrt(kTwoPi * variance);
+}
+
+// Elliptical arcs are runs of pieces that keep turning; the pieces that make one are marked in b.in_arc.
+void FindArcs(const Scene& scene, LineImage& out);
+
+// b.states from the pieces that are worth it, joined where they are one line.
+void JoinPieces(const Scene& scene);
+
+}  // namespace vss
