@@ -7,7 +7,7 @@
 namespace vss {
 namespace {
 
-constexpr float kMinCosine = 0.7f;    // neighbours on one contour turn by less than 45 degrees, noise included
+constexpr float kMinCosine = 0.7f;  // neighbours on one contour turn by less than 45 degrees, noise included
 constexpr float kMaxAcrossPx = 1.2f;  // how far a follower may lie beside the tangent
 constexpr float kMinAhead = 0.2f;     // and how far ahead at least, of the pixels between
 constexpr float kDuplicatePx =
@@ -24,12 +24,17 @@ struct Walker {
   const EdgePoint* points;
   PointMap& map;
 
-  PointMap::Word& WordOf(int u, int v) const { return map.word[std::size_t(v) * map.words + (std::size_t(u) >> 6)]; }
+  PointMap::Word& WordOf(int u, int v) const {
+    return map.word[std::size_t(v) * map.words + (std::size_t(u) >> 6)];
+  }
   bool IsFree(const EdgePoint& p) const { return WordOf(p.cell_u, p.cell_v).free >> (p.cell_u & 63) & 1; }
-  void Take(const EdgePoint& p) const { WordOf(p.cell_u, p.cell_v).free &= ~(std::uint64_t{1} << (p.cell_u & 63)); }
+  void Take(const EdgePoint& p) const {
+    WordOf(p.cell_u, p.cell_v).free &= ~(std::uint64_t{1} << (p.cell_u & 63));
+  }
   const EdgePoint& At(int u, int v) const {
     const PointMap::Word& w = WordOf(u, v);
-    return points[w.first + static_cast<std::uint32_t>(std::popcount(w.all & ((std::uint64_t{1} << (u & 63)) - 1)))];
+    return points[w.first +
+                  static_cast<std::uint32_t>(std::popcount(w.all & ((std::uint64_t{1} << (u & 63)) - 1)))];
   }
 
   // Which of the 25 pixels around `p` have a free point.
@@ -74,7 +79,8 @@ struct Walker {
     const EdgePoint* best = nullptr;
     float best_cost = 1e9f;
     ForBits(p, bits, [&](const EdgePoint& q, int u, int v) {
-      const float du = q.u - p.u, dv = q.v - p.v, ahead = du * tu + dv * tv, across = std::abs(du * tv - dv * tu);
+      const float du = q.u - p.u, dv = q.v - p.v, ahead = du * tu + dv * tv,
+                  across = std::abs(du * tv - dv * tu);
       if (!(ahead > kMinAhead * reach) || across > kMaxAcrossPx * reach || Cosine(p, q) < kMinCosine ||
           tu * float(u) + tv * float(v) <= 0)
         return;
@@ -123,8 +129,8 @@ double Significance(double mean_strength, double num_points, double texture) {
   return mean_strength / texture * std::sqrt(num_points / kTextureGrainPx);
 }
 
-void JoinChains(const std::vector<EdgePoint>& points, int width, int height, const NoiseMap& noise, int min_points,
-                double min_significance, EdgeChains& chains) {
+void JoinChains(const std::vector<EdgePoint>& points, int width, int height, const NoiseMap& noise,
+                int min_points, double min_significance, EdgeChains& chains) {
   FillMap(points, width, height, chains.map);
   chains.order.clear();
   chains.start.assign(1, 0);

@@ -31,9 +31,9 @@ struct EdgeChains {
 // A contour's mean gradient over the sigma that noise and texture would give a mean over so many points.
 double Significance(double mean_strength, double num_points, double texture);
 
-// Chains of fewer than `min_points`, and those that could not reach `min_significance` were all their points as
-// strong as the strongest, are dropped.
-void JoinChains(const std::vector<EdgePoint>& points, int width, int height, const NoiseMap& noise, int min_points,
-                double min_significance, EdgeChains& chains);
+// Chains of fewer than `min_points`, and those that could not reach `min_significance` were all their points
+// as strong as the strongest, are dropped.
+void JoinChains(const std::vector<EdgePoint>& points, int width, int height, const NoiseMap& noise,
+                int min_points, double min_significance, EdgeChains& chains);
 
 }  // namespace vss

@@ -74,9 +74,10 @@ template <class Value>
   }
 }
 
-// flags[u]: whether the magnitude has a maximum here along the axis nearer to the gradient, and the gradient's
-// length may be above the threshold. The sum of absolute values stands for the length in the comparison: along
-// a straight edge's profile they are proportional. 7/8 max + 1/2 min stands for it at the threshold: within 3 %.
+// flags[u]: whether the magnitude has a maximum here along the axis nearer to the gradient, and the
+// gradient's length may be above the threshold. The sum of absolute values stands for the length in the
+// comparison: along a straight edge's profile they are proportional. 7/8 max + 1/2 min stands for it at the
+// threshold: within 3 %.
 template <class Value>
 [[gnu::always_inline]] inline void FlagMaxima(const Value* __restrict up, const Value* __restrict mid,
                                               const Value* __restrict down, const Value* __restrict gx,
@@ -101,23 +102,23 @@ struct RowFunctions {
                std::uint8_t*);
 };
 
-#define VSS_ROW_FUNCTIONS(NAME, ATTRIBUTE)                                                              \
-  template <class Pixel, class Value>                                                                   \
-  struct NAME {                                                                                         \
+#define VSS_ROW_FUNCTIONS(NAME, ATTRIBUTE)                                                                  \
+  template <class Pixel, class Value>                                                                       \
+  struct NAME {                                                                                             \
     ATTRIBUTE static void Mask(const Pixel* a, const Pixel* b, const Pixel* c, int w, Value* t, Value* o) { \
-      FilterMask<Pixel, Value>(a, b, c, w, t, o);                                                       \
-    }                                                                                                   \
-    ATTRIBUTE static void Down(const Pixel* const* r, int w, Value* s, Value* d) {                      \
-      FilterDown<Pixel, Value>(r, w, s, d);                                                             \
-    }                                                                                                   \
-    ATTRIBUTE static void Across(const Value* s, const Value* d, int w, Value* x, Value* y, Value* m) { \
-      FilterAcross<Value>(s, d, w, x, y, m);                                                            \
-    }                                                                                                   \
-    ATTRIBUTE static void Flag(const Value* a, const Value* b, const Value* c, const Value* x,          \
-                               const Value* y, const Value* t, int w, std::uint8_t* f) {                \
-      FlagMaxima<Value>(a, b, c, x, y, t, w, f);                                                        \
-    }                                                                                                   \
-    static RowFunctions<Pixel, Value> Get() { return {Mask, Down, Across, Flag}; }                      \
+      FilterMask<Pixel, Value>(a, b, c, w, t, o);                                                           \
+    }                                                                                                       \
+    ATTRIBUTE static void Down(const Pixel* const* r, int w, Value* s, Value* d) {                          \
+      FilterDown<Pixel, Value>(r, w, s, d);                                                                 \
+    }                                                                                                       \
+    ATTRIBUTE static void Across(const Value* s, const Value* d, int w, Value* x, Value* y, Value* m) {     \
+      FilterAcross<Value>(s, d, w, x, y, m);                                                                \
+    }                                                                                                       \
+    ATTRIBUTE static void Flag(const Value* a, const Value* b, const Value* c, const Value* x,              \
+                               const Value* y, const Value* t, int w, std::uint8_t* f) {                    \
+      FlagMaxima<Value>(a, b, c, x, y, t, w, f);                                                            \
+    }                                                                                                       \
+    static RowFunctions<Pixel, Value> Get() { return {Mask, Down, Across, Flag}; }                          \
   }
 VSS_ROW_FUNCTIONS(Portable, );
 #if defined(__x86_64__)
@@ -181,8 +182,8 @@ void GradientRow(const GreyView& image, const RowFunctions<Pixel, Value>& filter
 
 // ---- noise and texture: how large mask and gradient are where no edges are ----
 
-constexpr int kBlockPx = 16;                           // pixels of a block, along a row
-constexpr int kBlockRowStep = 4;                       // every fourth row is looked at
+constexpr int kBlockPx = 16;      // pixels of a block, along a row
+constexpr int kBlockRowStep = 4;  // every fourth row is looked at
 constexpr int kTileBlocks = NoiseMap::kTilePx / kBlockPx * (NoiseMap::kTilePx / kBlockRowStep);
 constexpr double kMaskNorm = 6.0;                      // root of the mask's sum of squares
 constexpr double kMeanAbsNormal = 0.7978845608028654;  // E|x| of a standard normal
@@ -238,7 +239,8 @@ void AppendQuantiles(std::vector<float>& blocks, int rows, int columns, double s
 }
 
 // The median over the 3x3 tiles around each, not below `floor`.
-void MedianOfTiles(const std::vector<float>& raw, int columns, int rows, float floor, std::vector<float>& out) {
+void MedianOfTiles(const std::vector<float>& raw, int columns, int rows, float floor,
+                   std::vector<float>& out) {
   out.resize(raw.size());
   for (int y = 0; y < rows; ++y)
     for (int x = 0; x < columns; ++x) {
@@ -263,8 +265,8 @@ void MeasureTiles(const GreyView& image, EdgeBuffers& b, const NoiseMap& noise) 
     int place = 0;
     for (int v = y * NoiseMap::kTilePx + 2; v < std::min((y + 1) * NoiseMap::kTilePx, image.height - 1);
          v += kBlockRowStep, ++place) {
-      filter.mask(Row<Pixel>(image, v - 1), Row<Pixel>(image, v), Row<Pixel>(image, v + 1), image.width, r.smooth,
-                  r.slope);
+      filter.mask(Row<Pixel>(image, v - 1), Row<Pixel>(image, v), Row<Pixel>(image, v + 1), image.width,
+                  r.smooth, r.slope);
       CollectBlocks(r.slope, image.width, 1, place, b.noise_blocks);
       GradientRow(image, filter, r, v, 0);
       CollectBlocks(r.magnitude[0], image.width, kBorderPx, place, b.texture_blocks);
@@ -303,7 +305,7 @@ float ParabolaOffset(const Profile& p) {
 
 // Variance of the Gaussian through the three values, px^2 along the axis.
 float ProfileVariance(const Profile& p) {
-  constexpr float kWidest = 25;  // px^2: an edge of 5 px blur, the widest that is of use
+  constexpr float kWidest = 25;               // px^2: an edge of 5 px blur, the widest that is of use
   constexpr float kWidestRatio = 0.9607894f;  // exp(-1 / kWidest)
   if (!(p.before > 0 && p.after > 0)) return static_cast<float>(kGradientVariance);
   const float ratio = p.before * p.after / (p.at * p.at);
@@ -338,7 +340,8 @@ std::size_t ListFlags(const std::uint8_t* flags, int width, std::uint32_t* out) 
   for (int u0 = 0; u0 < width; u0 += 8) {
     std::uint64_t eight;
     std::memcpy(&eight, flags + u0, 8);
-    for (; eight != 0; eight &= eight - 1) out[n++] = static_cast<std::uint32_t>(u0 + std::countr_zero(eight) / 8);
+    for (; eight != 0; eight &= eight - 1)
+      out[n++] = static_cast<std::uint32_t>(u0 + std::countr_zero(eight) / 8);
   }
   return n;
 }
@@ -359,8 +362,8 @@ void FindPoints(const GreyView& image, const NoiseMap& noise, double noise_sigma
     if (v == kBorderPx || v % NoiseMap::kTilePx == 0) FillThreshold(noise, v, noise_sigmas, w, r.threshold);
     const int ring[3] = {(v + 2) % 3, v % 3, (v + 1) % 3};
     constexpr int k = kBorderPx;
-    filter.flag(r.magnitude[ring[0]] + k, r.magnitude[ring[1]] + k, r.magnitude[ring[2]] + k, r.gx[ring[1]] + k,
-                r.gy[ring[1]] + k, r.threshold + k, w - 2 * k, b.flags.data());
+    filter.flag(r.magnitude[ring[0]] + k, r.magnitude[ring[1]] + k, r.magnitude[ring[2]] + k,
+                r.gx[ring[1]] + k, r.gy[ring[1]] + k, r.threshold + k, w - 2 * k, b.flags.data());
     const std::size_t n = ListFlags(b.flags.data(), w - 2 * k, b.flagged.data());
     for (std::size_t i = 0; i < n; ++i) {
       const int u = k + static_cast<int>(b.flagged[i]);
@@ -388,8 +391,8 @@ void EstimateNoise(const GreyView& image, float min_sigma, EdgeBuffers& b, Noise
   noise.median_sigma = std::max(min_sigma, *middle);
 }
 
-void FindEdgePoints(const GreyView& image, const NoiseMap& noise, double threshold_sigmas, EdgeBuffers& buffers,
-                    std::vector<EdgePoint>& points) {
+void FindEdgePoints(const GreyView& image, const NoiseMap& noise, double threshold_sigmas,
+                    EdgeBuffers& buffers, std::vector<EdgePoint>& points) {
   points.clear();
   if (image.width <= 2 * kBorderPx || image.height <= 2 * kBorderPx) return;
   if (image.bits == 8)

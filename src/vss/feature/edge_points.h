@@ -16,8 +16,8 @@ inline constexpr double kGradientGain = 128.0;
 inline constexpr double kGradientNoise = 26.457513110645906;  // sqrt(70 * 10)
 inline constexpr double kGradientVariance = 0.875;            // mean of 1 (binomial) and 0.75 (derivative)
 
-// `u`, `v`: px, img. `nu`, `nv`: unit vector towards the bright side. `strength`: length of the gradient, filter
-// units. `width2_px2`: variance of the gradient's profile across the edge.
+// `u`, `v`: px, img. `nu`, `nv`: unit vector towards the bright side. `strength`: length of the gradient,
+// filter units. `width2_px2`: variance of the gradient's profile across the edge.
 struct EdgePoint {
   float u, v, nu, nv, strength, width2_px2;
   std::uint16_t cell_u, cell_v;  // the pixel that it was found at
@@ -55,9 +55,9 @@ struct EdgeBuffers {
 // Fills `noise`. `min_sigma`: no tile is taken for quieter than that (quantisation, grey levels).
 void EstimateNoise(const GreyView& image, float min_sigma, EdgeBuffers& buffers, NoiseMap& noise);
 
-// The edge points in raster order; those below `threshold_sigmas` of the gradient's noise, or lost in the texture
-// around them, are left out.
-void FindEdgePoints(const GreyView& image, const NoiseMap& noise, double threshold_sigmas, EdgeBuffers& buffers,
-                    std::vector<EdgePoint>& points);
+// The edge points in raster order; those below `threshold_sigmas` of the gradient's noise, or lost in the
+// texture around them, are left out.
+void FindEdgePoints(const GreyView& image, const NoiseMap& noise, double threshold_sigmas,
+                    EdgeBuffers& buffers, std::vector<EdgePoint>& points);
 
 }  // namespace vss

@@ -16,8 +16,10 @@ GreyImage RandomSteps(int width, int height, int bits) {
   for (int v = 0; v < height; ++v)
     for (int u = 0; u < width; ++u) {
       const int value = ((u / 13 + v / 17) % 2 == 0 ? 40 : 190) + int(random() % 9);
-      if (bits == 8) image.Row8(v)[u] = static_cast<std::uint8_t>(value);
-      else image.Row16(v)[u] = static_cast<std::uint16_t>(value * 200);
+      if (bits == 8)
+        image.Row8(v)[u] = static_cast<std::uint8_t>(value);
+      else
+        image.Row16(v)[u] = static_cast<std::uint16_t>(value * 200);
     }
   return image;
 }
@@ -44,7 +46,8 @@ TEST(FitStrip, GivesTheSameBitsWithEveryInstructionSet) {
   GreyImage image(100, 40, 8);
   std::mt19937 random(5);
   for (int v = 0; v < 40; ++v)
-    for (int u = 0; u < 100; ++u) image.Row8(v)[u] = static_cast<std::uint8_t>((v < 20 ? 150 : v == 20 ? 97 : 60) + random() % 5);
+    for (int u = 0; u < 100; ++u)
+      image.Row8(v)[u] = static_cast<std::uint8_t>((v < 20 ? 150 : v == 20 ? 97 : 60) + random() % 5);
   StripFrame frame;
   frame.middle = {50, 20}, frame.from = -40, frame.to = 40;
   const StripEdge start[] = {{0, 0, 80, Eigen::Matrix2d::Zero()}};

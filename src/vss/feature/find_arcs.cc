@@ -56,7 +56,8 @@ std::optional<FoundArc> FitArc(const Scene& s, const PieceRun& run) {
   const double n = end - begin;
   tolerance /= n;
   const EdgePoint& middle = s.PointAt((begin + end) / 2);
-  if (Significance(strength / n, n, s.b.noise.TextureAt(middle.cell_u, middle.cell_v)) < s.options.min_significance)
+  if (Significance(strength / n, n, s.b.noise.TextureAt(middle.cell_u, middle.cell_v)) <
+      s.options.min_significance)
     return std::nullopt;
   s.b.arc_ideal.assign(s.b.positions.begin() + begin, s.b.positions.begin() + end);
   const auto ideal = FitEllipse(s.b.arc_ideal);
@@ -151,7 +152,8 @@ void FindArcs(const Scene& s, LineImage& out) {
       continue;
     }
     AppendArc(s, *arc, out);
-    std::fill(s.b.in_arc.begin() + std::ptrdiff_t(run.begin), s.b.in_arc.begin() + std::ptrdiff_t(run.end), 1);
+    std::fill(s.b.in_arc.begin() + std::ptrdiff_t(run.begin), s.b.in_arc.begin() + std::ptrdiff_t(run.end),
+              1);
     i = run.end;
   }
 }

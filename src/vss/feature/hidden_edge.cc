@@ -57,7 +57,8 @@ double Sum(const Bins& bins, const Pair& m, Eigen::Matrix<double, 6, 6>& h, Eige
   return sum;
 }
 
-// Gauss-Newton from the places in `m` on, levels first; the sum of squares, or a negative number where it fails.
+// Gauss-Newton from the places in `m` on, levels first; the sum of squares, or a negative number where it
+// fails.
 double Fit(const Bins& bins, double blur, Pair& m) {
   constexpr int kSteps = 7;
   constexpr double kBlurSpread = 0.15;  // of the fit's blur, which the second edge may have widened

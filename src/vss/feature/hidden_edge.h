@@ -11,8 +11,8 @@ struct HiddenEdge {
   double gain = 0;        // by how much the sum of squared residuals falls, over their variance after it
 };
 
-// Fits one edge and two to the mean profile across the edge: two parallel edges hardly differ from it. Empty where
-// two fit no better than one.
+// Fits one edge and two to the mean profile across the edge: two parallel edges hardly differ from it. Empty
+// where two fit no better than one.
 std::optional<HiddenEdge> FindHiddenEdge(const StripProfile& profile);
 
 }  // namespace vss

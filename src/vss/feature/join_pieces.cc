@@ -35,7 +35,8 @@ bool GapShowsEdge(const Scene& s, const Vector2d& from, const Vector2d& to, doub
 }
 
 // Whether the points of both lie on one line as well as on their own.
-bool AreOneLine(const PieceState& a, const PieceState& b, double tolerance, const FittedLine& joint, double n) {
+bool AreOneLine(const PieceState& a, const PieceState& b, double tolerance, const FittedLine& joint,
+                double n) {
   constexpr double kRmsGrowth = 1.3, kRmsFloorPx = 0.1;
   for (const Vector2d& p : {a.Start(), a.End(), b.Start(), b.End()})
     if (std::abs(joint.Across(p)) > tolerance) return false;
@@ -68,7 +69,8 @@ bool TryJoin(const Scene& s, PieceState& a, PieceState& b) {
   joint.Add(b.piece.moments);
   const FittedLine line = FitLine(joint, longer.piece.line.direction);
   if (!AreOneLine(a, b, tolerance, line, joint.n)) return false;
-  if (gap > kFreeGapPx && !GapShowsEdge(s, a.End(), b.Start(), std::min(a.contrast, b.contrast))) return false;
+  if (gap > kFreeGapPx && !GapShowsEdge(s, a.End(), b.Start(), std::min(a.contrast, b.contrast)))
+    return false;
   const Vector2d start = a.Start(), end = b.End(), other = a.End();
   a.contrast = (a.contrast * a.piece.moments.n + b.contrast * b.piece.moments.n) / joint.n;
   a.strength = (a.strength * a.piece.moments.n + b.strength * b.piece.moments.n) / joint.n;
@@ -108,7 +110,8 @@ bool JoinFollower(const Scene& s, const StartGrid& grid, PieceState& a) {
   const Vector2d end = a.End();
   for (int y = grid.Row(end.y() - reach); y <= grid.Row(end.y() + reach); ++y)
     for (int x = grid.Column(end.x() - reach); x <= grid.Column(end.x() + reach); ++x)
-      for (auto i = s.b.cell_first[std::size_t(y) * grid.columns + x]; i >= 0; i = s.b.cell_next[std::size_t(i)]) {
+      for (auto i = s.b.cell_first[std::size_t(y) * grid.columns + x]; i >= 0;
+           i = s.b.cell_next[std::size_t(i)]) {
         PieceState& b = s.b.states[std::size_t(i)];
         if (&a != &b && b.alive && TryJoin(s, a, b)) return true;
       }
@@ -119,7 +122,8 @@ bool JoinFollower(const Scene& s, const StartGrid& grid, PieceState& a) {
 bool FillState(const Scene& s, const StraightPiece& p, PieceState& state) {
   constexpr double kShare = 0.6;
   double strength = 0, contrast = 0;
-  for (auto i = p.begin; i < p.end; ++i) strength += s.PointAt(i).strength, contrast += ContrastOf(s.PointAt(i));
+  for (auto i = p.begin; i < p.end; ++i)
+    strength += s.PointAt(i).strength, contrast += ContrastOf(s.PointAt(i));
   const double n = p.end - p.begin;
   state = {p, contrast / n, strength / n};
   const EdgePoint& middle = s.PointAt((p.begin + p.end) / 2);

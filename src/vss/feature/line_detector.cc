@@ -13,8 +13,8 @@ namespace {
 using Eigen::Vector2d;
 
 constexpr int kMinChainPoints = 5;
-constexpr int kSeedPoints = 6;                          // of a straight piece
-constexpr double kChainShare = 0.5;                     // of the significance that a segment needs
+constexpr int kSeedPoints = 6;                              // of a straight piece
+constexpr double kChainShare = 0.5;                         // of the significance that a segment needs
 constexpr double kQuantisationSigma = 0.28867513459481287;  // grey levels: 1/sqrt(12)
 
 // How far the point may lie off a line: three sigmas of its place, which follows from contrast and noise.

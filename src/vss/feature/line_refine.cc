@@ -207,14 +207,17 @@ struct Corners {
   bool dark = false, at_start = false, at_end = false;
 };
 
-// How segment `n` continues `s` round a corner: +1 to the left (bright inside), -1 to the right, 0 not at all.
+// How segment `n` continues `s` round a corner: +1 to the left (bright inside), -1 to the right, 0 not at
+// all.
 int TurnAtCorner(const LineSegment& s, const LineSegment& n, bool at_end) {
-  constexpr double kReachPx = 4;                   // raw ends miss their corner by this at most
+  constexpr double kReachPx = 4;  // raw ends miss their corner by this at most
   constexpr double kMinLengthPx = 6;
   constexpr double kMaxContrastRatio = 1.6;
-  constexpr double kMinSine = 0.35;                // 20 degrees
+  constexpr double kMinSine = 0.35;  // 20 degrees
   const Vector2d &mine = at_end ? s.ideal_end : s.ideal_start, &its = at_end ? n.ideal_start : n.ideal_end;
-  if ((mine - its).squaredNorm() > 2 * kReachPx * kReachPx || std::max(s.contrast, n.contrast) > kMaxContrastRatio * std::min(s.contrast, n.contrast)) return 0;
+  if ((mine - its).squaredNorm() > 2 * kReachPx * kReachPx ||
+      std::max(s.contrast, n.contrast) > kMaxContrastRatio * std::min(s.contrast, n.contrast))
+    return 0;
   const Vector2d d = s.ideal_end - s.ideal_start, e = n.ideal_end - n.ideal_start;
   if (e.norm() < kMinLengthPx) return 0;
   const double sine = (d.x() * e.y() - d.y() * e.x()) / (d.norm() * e.norm());
@@ -236,8 +239,10 @@ StripCorner CornerOf(const Intrinsics* lens, const LineSegment& n, bool at_its_s
   return {p, {t.y(), -t.x()}};
 }
 
-// Finds the corners of `s` among b.nearby and takes their lines out of b.neighbours (`frame` is that of the neighbours).
-Corners FindCorners(const Intrinsics* lens, const LineSegment& s, const std::vector<LineSegment>& all, const StripFrame& frame, RefineBuffers& b) {
+// Finds the corners of `s` among b.nearby and takes their lines out of b.neighbours (`frame` is that of the
+// neighbours).
+Corners FindCorners(const Intrinsics* lens, const LineSegment& s, const std::vector<LineSegment>& all,
+                    const StripFrame& frame, RefineBuffers& b) {
   Corners out;
   for (const bool at_end : {false, true})
     for (const auto j : b.nearby) {
@@ -253,23 +258,26 @@ Corners FindCorners(const Intrinsics* lens, const LineSegment& s, const std::vec
   return out;
 }
 
-StripSettings SettingsFor(const RefineContext& x, const StripFrame& frame, const LineSegment& s, const KnownBlur& known, const Corners& corners) {
+StripSettings SettingsFor(const RefineContext& x, const StripFrame& frame, const LineSegment& s,
+                          const KnownBlur& known, const Corners& corners) {
   StripSettings settings;
   settings.reach_px = kReachPx, settings.margin_px = kMarginPx;
   settings.noise_sigma = NoiseAt(x.noise, x.image, frame.middle);
-  settings.start_blur_px = known.blur_px > 0 ? known.blur_px : std::clamp(std::hypot(s.blur_px, 0.29), 0.6, 2.0);
+  settings.start_blur_px =
+      known.blur_px > 0 ? known.blur_px : std::clamp(std::hypot(s.blur_px, 0.29), 0.6, 2.0);
   settings.blur_sigma_px = kBlurSpread * known.blur_px;
   settings.corners = std::span(corners.at, corners.count);
   settings.dark_corners = corners.dark;
   return settings;
 }
 
-Attempt FitWith(const RefineContext& x, const StripFrame& frame, const StripEdge& main, const StripEdge* partner,
-                const StripSettings& settings, RefineBuffers& b) {
+Attempt FitWith(const RefineContext& x, const StripFrame& frame, const StripEdge& main,
+                const StripEdge* partner, const StripSettings& settings, RefineBuffers& b) {
   StripEdge edges[2] = {main, partner ? *partner : StripEdge{}};
   Attempt out;
   if (partner && edges[1].offset < edges[0].offset) std::swap(edges[0], edges[1]), out.index = 1;
-  out.fit = FitStrip(x.image, frame, std::span(edges, partner ? 2 : 1), b.neighbours, settings, x.simd, b.strip);
+  out.fit =
+      FitStrip(x.image, frame, std::span(edges, partner ? 2 : 1), b.neighbours, settings, x.simd, b.strip);
   return out;
 }
 
@@ -280,8 +288,9 @@ StripFrame Trimmed(StripFrame frame, const Corners& corners) {
   return frame;
 }
 
-Attempt FirstFit(const RefineContext& x, const StripFrame& frame, const LineSegment& s, const Surroundings& around, const KnownBlur& known,
-                 const Corners& corners, RefineBuffers& b) {
+Attempt FirstFit(const RefineContext& x, const StripFrame& frame, const LineSegment& s,
+                 const Surroundings& around, const KnownBlur& known, const Corners& corners,
+                 RefineBuffers& b) {
   StripSettings settings = SettingsFor(x, frame, s, known, corners);
   const StripEdge* partner = around.partner >= 0 ? &around.partner_edge : nullptr;
   Attempt out;
@@ -294,13 +303,17 @@ Attempt FirstFit(const RefineContext& x, const StripFrame& frame, const LineSegm
   return out;
 }
 
-constexpr double kMaxCoherence = 60;  // twenty bins of t, and texture along the edge may double or treble each
+constexpr double kMaxCoherence =
+    60;  // twenty bins of t, and texture along the edge may double or treble each
 
-// Pixels that fit badly in the same way all along the edge tell of another one close beside it that was not found by itself
-// (the side of a thin plate). The fit with the best place for it, or the fit as it was, whose profile b.strip still holds.
-Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const LineSegment& s, const KnownBlur& known, const Corners& corners,
-                       const Attempt& single, RefineBuffers& b) {
-  constexpr double kMinGain = 25;  // of the sum of squared residuals over their variance, for three or four more parameters
+// Pixels that fit badly in the same way all along the edge tell of another one close beside it that was not
+// found by itself (the side of a thin plate). The fit with the best place for it, or the fit as it was, whose
+// profile b.strip still holds.
+Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const LineSegment& s,
+                       const KnownBlur& known, const Corners& corners, const Attempt& single,
+                       RefineBuffers& b) {
+  constexpr double kMinGain =
+      25;  // of the sum of squared residuals over their variance, for three or four more parameters
   constexpr double kMinHiddenShare = 0.05;
   const auto hidden = FindHiddenEdge(b.strip.profile);
   if (!hidden || hidden->gain < kMinGain) return single;
@@ -308,7 +321,8 @@ Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const Li
   const Attempt two = FitWith(x, frame, hidden->main, &hidden->other, settings, b);
   const StripEdge &main = two.fit.edges[two.index], &other = two.fit.edges[1 - two.index];
   if (!Passes(two.fit, main, frame, s.contrast, false) || std::abs(main.offset) > std::abs(other.offset) ||
-      std::abs(other.contrast) < kMinHiddenShare * main.contrast || std::abs(main.offset - other.offset) < settings.start_blur_px)
+      std::abs(other.contrast) < kMinHiddenShare * main.contrast ||
+      std::abs(main.offset - other.offset) < settings.start_blur_px)
     return single;
   if (!single.fit.ok) return two;
   const double before = std::pow(single.fit.residual_sigma, 2), after = std::pow(two.fit.residual_sigma, 2);
@@ -352,8 +366,10 @@ void RefinePlaces(const RefineContext& x, std::vector<LineSegment>& segments, Re
       const Corners corners = FindCorners(x.lens, raw, b.before, whole, b);
       const StripFrame frame = Trimmed(whole, corners);
       Attempt attempt = FirstFit(x, frame, raw, around, known, corners, b);
-      const bool fits = Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, around.partner >= 0);
-      if (pass == 1 && around.partner < 0 && attempt.fit.profiled && (!fits || attempt.fit.coherence > kMaxCoherence)) {
+      const bool fits =
+          Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, around.partner >= 0);
+      if (pass == 1 && around.partner < 0 && attempt.fit.profiled &&
+          (!fits || attempt.fit.coherence > kMaxCoherence)) {
         attempt.fit.ok = fits;
         attempt = WithHiddenEdge(x, frame, raw, known, corners, attempt, b);
       }
@@ -369,7 +385,8 @@ void RefinePlaces(const RefineContext& x, std::vector<LineSegment>& segments, Re
     constexpr double kUsual = 1.2;  // a blur within this factor of the lens's needs no second look
     for (std::size_t i = 0; i < segments.size(); ++i) {
       const double blur = std::hypot(segments[i].blur_px, 0.28867513);
-      b.sound[i] = blur < kUsual * known.blur_px && blur > known.blur_px / kUsual && b.coherence[i] < kMaxCoherence;
+      b.sound[i] =
+          blur < kUsual * known.blur_px && blur > known.blur_px / kUsual && b.coherence[i] < kMaxCoherence;
     }
   }
 }
@@ -477,7 +494,9 @@ bool Repeats(const LineSegment& s, const LineSegment& o) {
   for (const Vector2d& p : {s.ideal_start, s.ideal_end}) {
     const Vector2d w = p - o.ideal_start;
     const double along = w.dot(e) / length;
-    if (std::abs(w.x() * e.y() - w.y() * e.x()) > limit * length || along < -kOvershootPx || along > length + kOvershootPx) return false;
+    if (std::abs(w.x() * e.y() - w.y() * e.x()) > limit * length || along < -kOvershootPx ||
+        along > length + kOvershootPx)
+      return false;
   }
   return true;
 }

@@ -55,7 +55,8 @@ struct Scene {
   const EdgePoint& PointAt(std::uint32_t place) const { return b.points[b.chains.order[place]]; }
 };
 
-// A parabola's place is no better than this, and the filter makes the noise of so many neighbours on a contour one.
+// A parabola's place is no better than this, and the filter makes the noise of so many neighbours on a
+// contour one.
 inline constexpr double kMinPlaceSigmaPx = 0.03, kNeighbourCorrelation = 3.5;
 
 // Grey levels between the two sides: the profile is taken for a Gaussian edge seen through the filter.

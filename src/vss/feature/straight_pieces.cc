@@ -57,7 +57,8 @@ FittedLine FitLine(const LineMoments& m, const Eigen::Vector2d& towards) {
   const double half = 0.5 * (cxx - cyy), root = std::sqrt(half * half + cxy * cxy);
   line.point = {mx, my};
   // Eigenvector of the larger eigenvalue, by the row that cancels nothing.
-  const Eigen::Vector2d along = half >= 0 ? Eigen::Vector2d(half + root, cxy) : Eigen::Vector2d(cxy, root - half);
+  const Eigen::Vector2d along =
+      half >= 0 ? Eigen::Vector2d(half + root, cxy) : Eigen::Vector2d(cxy, root - half);
   const double length = along.norm();
   line.direction = length > 0 ? Eigen::Vector2d(along / length) : Eigen::Vector2d(1, 0);
   if (line.direction.dot(towards) < 0) line.direction = -line.direction;

@@ -48,14 +48,15 @@ bool Solve(const StripSums<P>& s, bool levels_only, int places, Eigen::Matrix<do
 }
 
 template <int kEdges, bool kLinear>
-bool Iterate(const StripSamples& samples, const BlurPrior& prior, Simd simd, int iterations, bool levels_first, Fitted& f) {
+bool Iterate(const StripSamples& samples, const BlurPrior& prior, Simd simd, int iterations,
+             bool levels_first, Fitted& f) {
   constexpr int P = NumStripParameters<kEdges, kLinear>();
   StripSums<P> sums;
   Eigen::Matrix<double, P, 1> step;
   Eigen::Matrix<double, P, P> information;
   constexpr double kMaxStepPx = 1.0;
-  constexpr double kCloseStep = 0.1;   // px: after it all pixels take part
-  constexpr double kSmallStep = 0.01;  // px: after it the next step would be lost in the noise
+  constexpr double kCloseStep = 0.1;       // px: after it all pixels take part
+  constexpr double kSmallStep = 0.01;      // px: after it the next step would be lost in the noise
   constexpr std::size_t kEnoughLots = 40;  // of kStripLanes pixels, to come close
   int stride = std::max(1, static_cast<int>(samples.count / (kStripLanes * kEnoughLots)));
   for (int i = 0;; ++i) {
@@ -176,8 +177,8 @@ double Correlation(const StripBuffers& b) {
 }
 
 // Levels from the pixels given the edges' places and contrasts.
-StripModel StartModel(std::span<const StripEdge> start, const StripBuffers& b, std::size_t pixels, double half,
-                      double blur) {
+StripModel StartModel(std::span<const StripEdge> start, const StripBuffers& b, std::size_t pixels,
+                      double half, double blur) {
   StripModel m{};
   m.blur = static_cast<float>(std::clamp(blur, kMinBlurPx, kMaxBlurPx));
   double sum = 0;
@@ -195,9 +196,10 @@ StripModel StartModel(std::span<const StripEdge> start, const StripBuffers& b, s
   return m;
 }
 
-// Pads the pixels to whole lanes, counts `along` in half lengths and fills in what the corners leave of the edge.
-StripSamples Prepare(const GreyView& image, const StripFrame& f, const StripSettings& settings, std::size_t pixels,
-                     double half, Simd simd, StripBuffers& b) {
+// Pads the pixels to whole lanes, counts `along` in half lengths and fills in what the corners leave of the
+// edge.
+StripSamples Prepare(const GreyView& image, const StripFrame& f, const StripSettings& settings,
+                     std::size_t pixels, double half, Simd simd, StripBuffers& b) {
   const std::size_t padded = (pixels + kStripLanes - 1) / kStripLanes * kStripLanes;
   if (padded + StripBuffers::kSpare > b.grey.size()) b.Grow(padded + StripBuffers::kSpare);
   const float per_half = static_cast<float>(1 / half);
@@ -206,8 +208,10 @@ StripSamples Prepare(const GreyView& image, const StripFrame& f, const StripSett
   std::fill_n(b.corner.begin(), padded, 1.0f);
   for (auto* v : {&b.along, &b.across, &b.grey, &b.weight})
     std::fill(v->begin() + std::ptrdiff_t(pixels), v->begin() + std::ptrdiff_t(padded), 0.0f);
-  const StripSamples in{b.along.data(),    b.across.data(),   b.grey.data(), b.weight.data(),
-                        b.corner.data(),   b.residual.data(), b.by_place.data(), padded,
+  const StripSamples in{b.along.data(),        b.across.data(),
+                        b.grey.data(),         b.weight.data(),
+                        b.corner.data(),       b.residual.data(),
+                        b.by_place.data(),     padded,
                         settings.dark_corners, static_cast<float>(image.MaxValue())};
   for (const auto& c : settings.corners) {
     const Vector2d side = settings.dark_corners ? Vector2d(-c.bright) : c.bright;

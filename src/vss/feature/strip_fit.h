@@ -73,13 +73,13 @@ struct StripProfile {
   static constexpr int kBins = 48;
   static constexpr double kBinPx = 0.5;
 
-  double low = 0;                              // t of the first bin's beginning
+  double low = 0;                             // t of the first bin's beginning
   double offset = 0, contrast = 0, blur = 0;  // of the fit's first edge
   float sum[kBins] = {}, count[kBins] = {};
   double squares = 0, pixels = 0;  // sum of the squared residuals, and over how many pixels
 
-  // The bins' sums squared over what noise as large as the residuals would give: about the number of bins where
-  // the model holds.
+  // The bins' sums squared over what noise as large as the residuals would give: about the number of bins
+  // where the model holds.
   double Coherence() const;
 };
 

@@ -35,7 +35,8 @@ void Clip(double a, const StripObstacle& n, double margin, StripWindow& window) 
     return;
   }
   if (std::abs(n.along) <= kSteep) {  // it crosses the column's whole height nearby
-    const double low = std::min(n.from.y(), n.to.y()) - margin, high = std::max(n.from.y(), n.to.y()) + margin;
+    const double low = std::min(n.from.y(), n.to.y()) - margin,
+                 high = std::max(n.from.y(), n.to.y()) + margin;
     if (low < 0 && high > 0)
       window = {1, -1};
     else if (low >= 0)
@@ -59,19 +60,21 @@ struct StripGeometry {
 StripGeometry GeometryOf(const StripFrame& f) {
   const bool steep = std::abs(f.along.y()) > std::abs(f.along.x());
   const int major = steep ? 1 : 0, minor = 1 - major;
-  return {steep,          f.Bent(),        f.along[major],  f.along[minor],
+  return {steep,           f.Bent(),        f.along[major],  f.along[minor],
           f.across[major], f.across[minor], f.middle[major], f.middle[minor]};
 }
 
 template <class Pixel>
 void TakeColumn(const GreyView& image, const StripFrame& f, const StripGeometry& g, int major,
-                const StripSettings& settings, double side_px, StripWindow window, StripBuffers& b, std::size_t& count) {
+                const StripSettings& settings, double side_px, StripWindow window, StripBuffers& b,
+                std::size_t& count) {
   // On the column (a row for steep edges) t runs linearly with the pixel; `rate`: of t, `drift`: of a.
   double a = (major - g.middle_major) / g.along_major;
   double sag = 0, slope = 0;
   if (g.bent) a = (major - g.middle_major - f.Sag(a) * g.across_major) / g.along_major, sag = f.Sag(a);
   if (a < f.from || a > f.to) return;
-  const int centre = static_cast<int>(std::floor(g.middle_minor + a * g.along_minor + sag * g.across_minor + 0.5));
+  const int centre =
+      static_cast<int>(std::floor(g.middle_minor + a * g.along_minor + sag * g.across_minor + 0.5));
   const double d_major = major - g.middle_major, d_minor = centre - g.middle_minor;
   const double a0 = g.along_major * d_major + g.along_minor * d_minor;
   if (g.bent) sag = f.Sag(a0), slope = f.SagSlope(a0);

@@ -24,18 +24,19 @@ using Ints = std::int32_t __attribute__((vector_size(kStripLanes * sizeof(float)
   }
 
 // Phi by Abramowitz and Stegun 26.2.17 (7.5e-8); BELL: its derivative.
-#define VSS_PHI(PHI, BELL, X)                                                                            \
-  Floats BELL, PHI;                                                                                      \
-  {                                                                                                      \
-    const Floats size_ = X < 0.0f ? -X : X;                                                              \
-    const Floats half_square_ = 0.5f * X * X;                                                            \
-    VSS_EXP_MINUS(BELL, half_square_)                                                                    \
-    const Floats k_ = 1.0f / (1.0f + 0.2316419f * size_);                                                \
-    BELL = BELL * 0.39894228f;                                                                           \
-    const Floats tail_ = BELL * k_ *                                                                     \
-                         (0.31938153f + k_ * (-0.356563782f +                                            \
-                                              k_ * (1.781477937f + k_ * (-1.821255978f + k_ * 1.330274429f)))); \
-    PHI = X < 0.0f ? tail_ : 1.0f - tail_;                                                               \
+#define VSS_PHI(PHI, BELL, X)                                                                    \
+  Floats BELL, PHI;                                                                              \
+  {                                                                                              \
+    const Floats size_ = X < 0.0f ? -X : X;                                                      \
+    const Floats half_square_ = 0.5f * X * X;                                                    \
+    VSS_EXP_MINUS(BELL, half_square_)                                                            \
+    const Floats k_ = 1.0f / (1.0f + 0.2316419f * size_);                                        \
+    BELL = BELL * 0.39894228f;                                                                   \
+    const Floats tail_ =                                                                         \
+        BELL * k_ *                                                                              \
+        (0.31938153f +                                                                           \
+         k_ * (-0.356563782f + k_ * (1.781477937f + k_ * (-1.821255978f + k_ * 1.330274429f)))); \
+    PHI = X < 0.0f ? tail_ : 1.0f - tail_;                                                       \
   }
 
 // How much of the edge a corner leaves at each pixel: Phi of the depth behind the corner's line, which is
@@ -133,16 +134,16 @@ Level LevelOf([[maybe_unused]] Simd simd) {
 }
 
 // One set of functions an instruction set.
-#define VSS_KERNELS(NAME, ATTRIBUTE)                                                                        \
-  struct NAME {                                                                                             \
-    template <int kEdges, bool kLinear>                                                                     \
-    ATTRIBUTE static void Sum(const StripSamples& in, const StripModel& m, int stride,                      \
-                              StripSums<NumStripParameters<kEdges, kLinear>()>& out) {                      \
-      Accumulate<kEdges, kLinear>(in, m, stride, out);                                                       \
-    }                                                                                                       \
-    ATTRIBUTE static void Multiply(const StripSamples& in, float at, float by_along, float by_across) {     \
-      Corner(in, at, by_along, by_across);                                                                  \
-    }                                                                                                       \
+#define VSS_KERNELS(NAME, ATTRIBUTE)                                                                    \
+  struct NAME {                                                                                         \
+    template <int kEdges, bool kLinear>                                                                 \
+    ATTRIBUTE static void Sum(const StripSamples& in, const StripModel& m, int stride,                  \
+                              StripSums<NumStripParameters<kEdges, kLinear>()>& out) {                  \
+      Accumulate<kEdges, kLinear>(in, m, stride, out);                                                  \
+    }                                                                                                   \
+    ATTRIBUTE static void Multiply(const StripSamples& in, float at, float by_along, float by_across) { \
+      Corner(in, at, by_along, by_across);                                                              \
+    }                                                                                                   \
   }
 VSS_KERNELS(Portable, );
 #if defined(__x86_64__)

@@ -34,8 +34,8 @@ struct StripSums {
   double h[P][P], g[P], residual2, weight;
 };
 
-// What the corner leaves of the edge at each pixel is multiplied by Phi of the depth behind the corner's line, which
-// is `at` + `by_along` a + `by_across` t.
+// What the corner leaves of the edge at each pixel is multiplied by Phi of the depth behind the corner's
+// line, which is `at` + `by_along` a + `by_across` t.
 void MultiplyCorner(const StripSamples& in, float at, float by_along, float by_across, Simd simd);
 
 // `stride`: every so many lots of kStripLanes pixels take part. With 1, residual and by_place (the model's
