@@ -113,6 +113,7 @@ struct Sampler {
         ContourSample s;
         s.index = static_cast<int>(i);
         s.t = (k + 0.5) / n;
+        s.t_step = 1.0 / n;
         s.point_in_world = a + s.t * (b - a);
         Add(s, (b - a).normalized(), e.left_face, e.right_face);
       }
@@ -129,6 +130,7 @@ struct Sampler {
         s.source = ContourSample::Source::kCircle;
         s.index = static_cast<int>(i);
         s.t = 2 * kPi * (k + 0.5) / n;
+        s.t_step = 2 * kPi / n;
         const Vector3d out = c.axis_u * std::cos(s.t) + c.axis_v * std::sin(s.t);
         s.point_in_world = c.center.point + c.radius_mm * out;
         Add(s, c.normal.cross(out), c.plane_face, c.cylinder_face);
@@ -162,6 +164,7 @@ struct Sampler {
           s.index = static_cast<int>(i);
           s.limb_side = sign;
           s.t = (k + 0.5) / n;
+          s.t_step = 1.0 / n;
           s.point_in_world = a + s.t * (b - a);
           // Seen a hair outside the faceted cylinder, which would else hide its own limb.
           Add(s, (b - a).normalized(), static_cast<int>(i), static_cast<int>(i), out * kSelfMarginMm);

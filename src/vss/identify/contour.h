@@ -16,6 +16,7 @@ struct ContourSample {
   Source source = Source::kEdge;
   int index = 0;  // edge, circle or cylinder face (limb)
   double t = 0;   // edge: 0 at start, 1 at end; circle: angle in rad from axis_u; limb: 0 to 1 along the axis
+  double t_step = 0;  // to the next sample of the same curve, seen or not
   int limb_side = 0;  // limb: -1 or 1
   Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
   Eigen::Vector2d ideal = Eigen::Vector2d::Zero();          // px without distortion

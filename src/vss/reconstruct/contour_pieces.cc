@@ -17,6 +17,7 @@ constexpr double kMinReachPx = 1.6;       // less holds no step
 constexpr double kMinHalfLengthPx = 1.4;  // less holds too few pixels
 constexpr double kSamePx = 0.3;           // two contours that near are one line of the picture
 constexpr double kCellPx = 16;            // of the hash grid
+constexpr int kMinSamples = 2;            // of an edge: hidden by half is told from seen
 
 // Along its contour: the picture tangent of a sample.
 Vector2d ImgTangent(const View& view, const ContourSample& s) {
@@ -72,7 +73,6 @@ struct Contact {
 struct Candidate {
   ContourPiece piece;
   int curve_id = 0;  // same for all samples of one edge, rim or limb
-  bool usable = false;
 };
 
 class Cutter {
@@ -86,8 +86,8 @@ class Cutter {
 
   std::vector<ContourPiece> Pieces() {
     std::vector<ContourPiece> out;
-    for (auto& c : all_)
-      if (c.usable && Surround(c)) out.push_back(c.piece);
+    for (auto& c : wanted_)
+      if (Surround(c)) out.push_back(c.piece);
     return out;
   }
 
@@ -99,8 +99,8 @@ class Cutter {
   }
 
   void AddPart(int part, const Occluders& others) {
-    const auto samples = SampleContour(solids_[static_cast<std::size_t>(part)], view_, options_.length_px, 1,
-                                       &others, options_.touch_mm);
+    const auto samples = SampleContour(solids_[static_cast<std::size_t>(part)], view_, options_.length_px,
+                                       kMinSamples, &others, options_.touch_mm);
     std::size_t begin = 0;
     while (begin < samples.size()) {
       std::size_t end = begin + 1;
@@ -108,9 +108,97 @@ class Cutter {
       while (end < samples.size() && samples[end].source == a.source && samples[end].index == a.index &&
              samples[end].limb_side == a.limb_side)
         ++end;
-      AddCurve(part, std::span(samples).subspan(begin, end - begin));
+      const auto curve = std::span(samples).subspan(begin, end - begin);
+      AddCurve(part, curve);
+      if (a.source != ContourSample::Source::kCircle) AddStraight(part, curve);
       begin = end;
     }
+  }
+
+  // Pieces of a straight edge or limb: each stretch that is seen, without its ends, cut into equal parts that
+  // are as long as wanted in the picture, however the edge is foreshortened.
+  void AddStraight(int part, std::span<const ContourSample> samples) {
+    const auto follows = [](const ContourSample& a, const ContourSample& b) {
+      return b.visible && b.t - a.t < 1.5 * a.t_step;
+    };
+    for (std::size_t begin = 0, end = 0; begin < samples.size(); begin = end) {
+      end = begin + 1;
+      if (!samples[begin].visible) continue;
+      while (end < samples.size() && follows(samples[end - 1], samples[end])) ++end;
+      AddStretch(part, samples[begin], samples[end - 1]);
+    }
+  }
+
+  // `first` and `last`: seen, and all between them.
+  void AddStretch(int part, const ContourSample& first, const ContourSample& last) {
+    const Vector3d along = AlongCurve(part, first);
+    const auto point = [&](double t) -> Vector3d { return first.point_in_world + (t - first.t) * along; };
+    // To the end of the edge where the next sample would lie beyond it; else what hides it, or the border,
+    // begins somewhere behind the last sample.
+    double t0 = first.t - first.t_step < 0 ? 0 : first.t, t1 = last.t + last.t_step > 1 ? 1 : last.t;
+    const auto a = view_.ProjectIdeal(point(t0)), b = view_.ProjectIdeal(point(t1));
+    if (!a || !b) return;
+    const double length = (*b - *a).norm(), rest = length - 2 * options_.vertex_margin_px;
+    if (rest < 2 * kMinHalfLengthPx) return;
+    const double margin = options_.vertex_margin_px / length * (t1 - t0);
+    t0 += margin, t1 -= margin;
+    const int n = std::max(1, static_cast<int>(std::lround(rest / options_.length_px)));
+    for (int k = 0; k < n; ++k) {
+      ContourSample s = first;
+      s.t = t0 + (k + 0.5) / n * (t1 - t0);
+      const double half_t = (t1 - t0) / n / 2;
+      AddPieceAt(part, s, point(s.t), point(s.t - half_t), point(s.t + half_t));
+    }
+  }
+
+  // d point / d t of a straight curve.
+  Vector3d AlongCurve(int part, const ContourSample& s) const {
+    const auto& solid = solids_[static_cast<std::size_t>(part)];
+    if (s.source == ContourSample::Source::kEdge) {
+      const auto& e = solid.edges[static_cast<std::size_t>(s.index)];
+      return solid.vertices[static_cast<std::size_t>(e.end)].point -
+             solid.vertices[static_cast<std::size_t>(e.start)].point;
+    }
+    std::vector<Vector3d> rims;
+    for (const auto& c : solid.circles)
+      if (c.cylinder_face == s.index) rims.push_back(c.center.point);
+    return rims.size() == 2 ? Vector3d(rims[1] - rims[0]) : Vector3d::Zero();
+  }
+
+  void AddPieceAt(int part, ContourSample s, const Vector3d& at, const Vector3d& from, const Vector3d& to) {
+    const auto img = view_.ProjectInside(at), a = view_.ProjectInside(from), b = view_.ProjectInside(to);
+    const auto ideal = view_.ProjectIdeal(at), ahead = view_.ProjectIdeal(to);
+    if (!img || !a || !b || !ideal || !ahead || (*b - *a).norm() < 1e-6) return;
+    s.point_in_world = at;
+    s.img = *img;
+    s.ideal = *ideal;
+    s.ideal_tangent = (*ahead - *ideal).normalized();
+    Candidate c;
+    c.curve_id = num_curves_;
+    c.piece.part = part;
+    c.piece.sample = s;
+    const Vector2d t = (*b - *a).normalized();
+    c.piece.half_length_px = (*b - *a).norm() / 2;
+    c.piece.curve.point = *img;
+    c.piece.curve.normal = Vector2d(-t.y(), t.x());
+    const double half = c.piece.half_length_px;
+    c.piece.curve.curvature = c.piece.curve.normal.dot(*a + *b - 2 * *img) / (half * half);
+    c.piece.edge_class = ClassOf(part, s);
+    wanted_.push_back(std::move(c));
+  }
+
+  // Picture length that one sample of its curve stands for.
+  double RawLength(int part, const ContourSample& s) const {
+    if (s.source == ContourSample::Source::kCircle) return options_.length_px;
+    const Vector3d half = AlongCurve(part, s) * (s.t_step / 2);
+    const auto a = view_.ProjectIdeal(s.point_in_world - half),
+               b = view_.ProjectIdeal(s.point_in_world + half);
+    return a && b ? (*b - *a).norm() : options_.length_px;
+  }
+
+  EdgeClass ClassOf(int part, const ContourSample& s) const {
+    if (contact_.Touches(part, s.point_in_world)) return EdgeClass::kContact;
+    return s.source == ContourSample::Source::kEdge ? EdgeClass::kFree : EdgeClass::kRound;
   }
 
   // The samples of one edge, rim or limb, in order; those out of the picture are missing from it.
@@ -128,7 +216,7 @@ class Cutter {
       const Vector2d& t = tangents[i];
       c.piece.curve.point = samples[i].img;
       c.piece.curve.normal = Vector2d(-t.y(), t.x());
-      double step_px = HalfLengthOfSingle(part, samples[i]) * 2;
+      double step_px = RawLength(part, samples[i]);
       bool free_ends = true;
       std::array<bool, 2> has{i > 0, i + 1 < n};
       double turn = 0, arc = 0;
@@ -147,23 +235,12 @@ class Cutter {
       if (arc > 0) c.piece.curve.curvature = turn / arc;
       c.piece.half_length_px = step_px / 2;
       const bool round = samples[i].source == ContourSample::Source::kCircle;
-      if (!round && (i == 0 || i + 1 == n)) c.piece.half_length_px -= options_.vertex_margin_px;
-      c.usable = free_ends && c.piece.half_length_px >= kMinHalfLengthPx;
-      c.piece.edge_class = contact_.Touches(part, samples[i].point_in_world)   ? EdgeClass::kContact
-                           : samples[i].source != ContourSample::Source::kEdge ? EdgeClass::kRound
-                                                                               : EdgeClass::kFree;
+      if (round && free_ends && c.piece.half_length_px >= kMinHalfLengthPx) {
+        c.piece.edge_class = ClassOf(part, samples[i]);
+        wanted_.push_back(c);
+      }
       all_.push_back(std::move(c));
     }
-  }
-
-  // Half the picture length that one sample of its curve stands for.
-  double HalfLengthOfSingle(int part, const ContourSample& s) const {
-    const auto& solid = solids_[static_cast<std::size_t>(part)];
-    if (s.source != ContourSample::Source::kEdge || s.t != 0.5) return options_.length_px / 2;
-    const auto& e = solid.edges[static_cast<std::size_t>(s.index)];
-    const auto a = view_.ProjectIdeal(solid.vertices[static_cast<std::size_t>(e.start)].point);
-    const auto b = view_.ProjectIdeal(solid.vertices[static_cast<std::size_t>(e.end)].point);
-    return a && b ? std::min((*a - *b).norm(), 2 * options_.length_px) / 2 : options_.length_px / 2;
   }
 
   // Looks at the contours around; false where the piece cannot be measured.
@@ -197,7 +274,7 @@ class Cutter {
             const auto [at, fresh] = parallels.insert({other.curve_id, {across, q.dot(t), i}});
             if (!fresh && std::abs(q.dot(t)) < std::abs(at->second.along)) at->second = {across, q.dot(t), i};
           } else {
-            Limit(p, q, t, n, tm, half);
+            Limit(p, q, t, n, tm, other.piece.half_length_px);
           }
         }
       }
@@ -238,7 +315,8 @@ class Cutter {
   const View& view_;
   const PieceOptions& options_;
   Contact contact_;
-  std::vector<Candidate> all_;
+  std::vector<Candidate> all_;     // every sample that is seen: what may lie beside a piece
+  std::vector<Candidate> wanted_;  // the pieces
   std::unordered_map<std::int64_t, std::vector<std::size_t>> cells_;
   int num_curves_ = 0;
 };

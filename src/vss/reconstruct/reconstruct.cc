@@ -223,6 +223,7 @@ class Reconstructor {
                 [&](std::size_t i) { DrawToLines(parts[i], others[i], LeastOfOthers(distances, i)); });
     for (auto& p : parts) {
       SetPriors(p);
+      if (getenv("DBG")) for (std::size_t i = 0; i < p.object.dimensions_mm.size(); ++i) fmt::print("DRAWN {} {} {:.2f} from {:.2f}\n", drawn_.size() + 1, i, p.object.dimensions_mm[i], given_[drawn_.size()].object.dimensions_mm[i]);
       drawn_.push_back(p.object);
     }
     return parts;
