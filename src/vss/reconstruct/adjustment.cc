@@ -20,6 +20,7 @@ constexpr double kTukey = 4.5;   // observations further than that many sigmas f
 constexpr double kHuber = 2.5;   // groups further than that count less,
 constexpr double kGroupCut = 8;  // and beyond that not at all
 constexpr double kMinScatterPx = 0.02;  // robust scale of a group never below
+constexpr double kScatterBelief = 10;   // so many observations' worth of belief in their own sigmas
 constexpr double kMinSystematicPx = 0.004, kMaxSystematicPx = 8;
 constexpr double kDefaultGroups = 5;  // so many groups' worth of belief in the systematic sigma at the start
 constexpr double kLoosening = 100;    // of the prior of a camera that was found to have moved
@@ -222,13 +223,19 @@ void Adjustment::UpdateResiduals() {
 void Adjustment::UpdateWeights() {
   for (auto& group : groups) {
     std::vector<double> r;
-    for (const auto& o : group.observations) r.push_back(o.residual_px);
+    std::vector<double> sigmas;
+    for (const auto& o : group.observations) r.push_back(o.residual_px), sigmas.push_back(o.sigma_px);
     const double median = Median(r);
     for (double& x : r) x = std::abs(x - median);
-    const double scatter = std::max(1.4826 * Median(r), kMinScatterPx);
+    // Larger than the observations' own sigmas say as far as the group is large enough to tell.
+    const double n = static_cast<double>(r.size()), spread = 1.4826 * Median(r);
+    const double own = Median(sigmas);
+    const double scatter = std::max(
+        std::sqrt((n * spread * spread + kScatterBelief * own * own) / (n + kScatterBelief)), kMinScatterPx);
+    const double stretch = std::max(1.0, scatter / own);
     double sum = 0, weighted = 0;
     for (auto& o : group.observations) {
-      const double sigma = std::max(scatter, o.sigma_px);
+      const double sigma = std::max(stretch * o.sigma_px, kMinScatterPx);
       o.weight = TukeyWeight((o.residual_px - median) / sigma) / (sigma * sigma);
       sum += o.weight;
       weighted += o.weight * o.residual_px;
@@ -269,7 +276,7 @@ void Adjustment::UpdateSystematics() {
       (quantile(middle) > kChiSquareAtQuantile * share ? low : high) = middle;
     }
     const double d = defaults[i];
-    systematic_px[i] = std::sqrt((n * low * low + kDefaultGroups * d * d) / (n + kDefaultGroups));
+    systematic_px[i] = std::exp((n * std::log(low) + kDefaultGroups * std::log(d)) / (n + kDefaultGroups));
   }
 }
 

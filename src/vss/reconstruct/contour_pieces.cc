@@ -87,7 +87,8 @@ class Cutter {
   std::vector<ContourPiece> Pieces() {
     std::vector<ContourPiece> out;
     for (auto& c : wanted_)
-      if (Surround(c)) out.push_back(c.piece);
+      if ((options_.only_part < 0 || c.piece.part == options_.only_part) && Surround(c))
+        out.push_back(c.piece);
     return out;
   }
 
@@ -197,8 +198,11 @@ class Cutter {
   }
 
   EdgeClass ClassOf(int part, const ContourSample& s) const {
+    const bool edge = s.source == ContourSample::Source::kEdge;
+    if (edge && !solids_[static_cast<std::size_t>(part)].edges[static_cast<std::size_t>(s.index)].convex)
+      return EdgeClass::kContact;
     if (contact_.Touches(part, s.point_in_world)) return EdgeClass::kContact;
-    return s.source == ContourSample::Source::kEdge ? EdgeClass::kFree : EdgeClass::kRound;
+    return edge ? EdgeClass::kFree : EdgeClass::kRound;
   }
 
   // The samples of one edge, rim or limb, in order; those out of the picture are missing from it.

@@ -14,7 +14,7 @@ namespace vss {
 // How much the place of an edge in the picture can be trusted to be the solid's edge.
 enum class EdgeClass {
   kFree,     // nothing near behind it: top edges, outlines
-  kContact,  // lies on the ground or on another part: contact shadow and weld pull it
+  kContact,  // lies on the ground or on another part, or in a corner of its own: shadow and weld pull it
   kRound,    // rim or limb of a cylinder
 };
 inline constexpr int kNumEdgeClasses = 3;
@@ -36,6 +36,7 @@ struct PieceOptions {
   double min_gap_px = 1.2;      // parallel contours nearer than that cannot be told apart
   double touch_mm =
       12;  // other parts hide only what lies deeper behind them: parts that touch may overlap a little
+  int only_part = -1;         // pieces of that part alone are wanted; -1: of all
   double contact_gap_mm = 4;  // an edge that near to the ground or to another part's face lies on it
 };
 

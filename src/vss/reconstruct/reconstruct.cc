@@ -29,6 +29,7 @@ constexpr double kObservableGain =
 constexpr double kMinTiltRad = 0.003;    // a part that leans less stands straight
 constexpr double kTiltChiSquare = 18.4;  // two degrees of freedom, 1 in 10000
 constexpr double kMovedChiSquare = 3.7;  // per degree of freedom of six: 1 in 1000
+constexpr double kReconsiderPx = 1.2;    // an edge is looked for that far from where a dimension has it
 constexpr double kMinPolarityShare = 0.5;
 constexpr int kMinGroupPoints = 1;
 constexpr double kFarPx = 0.5;  // an edge that fits worse in most pictures does not belong to the part
@@ -41,6 +42,7 @@ struct PictureState {
 struct Measured {
   std::vector<ObservationGroup> groups;
   std::vector<double> blurs, noises;
+  std::vector<double> support;  // of each part: see SupportOf
 };
 
 double Median(std::vector<double> v, double otherwise) {
@@ -79,9 +81,16 @@ void KeepOnePolarity(ObservationGroup& group) {
   std::erase_if(group.observations, [&](const Observation& o) { return (o.contrast > 0) != (sum > 0); });
 }
 
+// How much a piece of contour speaks for its part's being there: its length in px, half of it for an edge
+// exactly where it should be, half against it for none within reach.
+double SupportOf(const ContourPiece& piece, const std::optional<ProfileFit>& fit, double search_px) {
+  const double off = fit ? fit->offset_px / search_px : 1;
+  return (0.5 - std::min(1.0, off * off)) * 2 * piece.half_length_px;
+}
+
 Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occluders> others, const View& view,
                      int view_index, const GreyView& picture, const PictureState& state, double search_px,
-                     const ReconstructOptions& options) {
+                     const ReconstructOptions& options, int only_part = -1) {
   constexpr double kReachBlurs = 3.2;  // a step has ended that many blurs from its middle
   constexpr double kMinReachPx = 2.5;
   // What surrounds a piece (crossing contours' blur, shading) pulls it the more the shorter it is, px * px:
@@ -89,11 +98,13 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
   constexpr double kShortPieceError = 0.3;
   constexpr double kClearBlur = 0.12;  // relative: strips whose contrast allows to learn the blur from
   PieceOptions cut;
+  cut.only_part = only_part;
   cut.length_px = options.piece_length_px * std::max(1.0, state.blur_px);
   cut.reach_px = std::max(kMinReachPx, search_px + kReachBlurs * state.blur_px);
   cut.min_gap_px = 1.9 * state.blur_px;
   cut.vertex_margin_px = 2 * state.blur_px + 0.7;
   Measured out;
+  out.support.assign(solids.size(), 0);
   std::map<std::pair<int, int>, std::size_t> index;
   std::vector<int> contacts;  // of each group: pieces that lie on something, less the others
   for (const auto& piece : CutContour(solids, others, view, cut)) {
@@ -107,6 +118,7 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
     request.blur_sigma_px = state.blur_sigma_px;
     request.neighbours = piece.neighbours;
     const auto fit = FitProfile(picture, request, state.noise);
+    out.support[static_cast<std::size_t>(piece.part)] += SupportOf(piece, fit, request.search_px);
     if (!fit) continue;
     const auto key = std::pair(piece.part, ContourKey(piece.sample));
     const auto [at, fresh] = index.insert({key, out.groups.size()});
@@ -184,13 +196,15 @@ class Reconstructor {
       a.Solve(kSteps, round > 0);
       if (round == 1 && options_.allow_tilt) DecideTilts(a);
       if (round + 2 == kRounds) {
-        if (HoldCaptured(a)) {
+        const auto anew = [&] {
           for (int again = 1; again <= round; ++again) {
-            if (progress_.Cancelled()) return Cancelled();
             Measure(a, search_of(again));
             a.Solve(kSteps, true);
           }
-        }
+        };
+        if (progress_.Cancelled()) return Cancelled();
+        if (HoldCaptured(a)) anew();
+        if (FreeReconsidered(a)) anew();
         a.ComputeCovariance();
         FixUnobservable(a);
       }
@@ -221,12 +235,98 @@ class Reconstructor {
     });
     ParallelFor(parts.size(), threads_,
                 [&](std::size_t i) { DrawToLines(parts[i], others[i], LeastOfOthers(distances, i)); });
+    Reconsider(parts, DrawnFar(parts));
     for (auto& p : parts) {
       SetPriors(p);
-      if (getenv("DBG")) for (std::size_t i = 0; i < p.object.dimensions_mm.size(); ++i) fmt::print("DRAWN {} {} {:.2f} from {:.2f}\n", drawn_.size() + 1, i, p.object.dimensions_mm[i], given_[drawn_.size()].object.dimensions_mm[i]);
       drawn_.push_back(p.object);
     }
     return parts;
+  }
+
+  // What the grey values say for each part as it stands, over the views in which it is measured best.
+  double Support(const std::vector<AdjustedPart>& parts, std::size_t p,
+                 std::span<const std::size_t> views) const {
+    const auto solids = PlaceAll(parts);
+    const auto others = OthersOf(solids);
+    std::vector<double> support(views.size());
+    ParallelFor(views.size(), threads_, [&](std::size_t i) {
+      const std::size_t v = views[i];
+      support[i] = MeasureView(solids, others, views_[v], static_cast<int>(v), pictures_[v], states_[v],
+                               kReconsiderPx, options_, static_cast<int>(p))
+                       .support[p];
+    });
+    return std::accumulate(support.begin(), support.end(), 0.0);
+  }
+
+  // Views that see most of a part.
+  std::vector<std::size_t> BestViews(const PlacedObject& object) const {
+    constexpr std::size_t kMost = 6;
+    constexpr double kSpacingPx = 20;
+    const WorldSolid solid = PlaceSolid(object, false);
+    std::vector<std::pair<std::size_t, std::size_t>> count;  // samples in the picture, view
+    for (std::size_t v = 0; v < views_.size(); ++v)
+      if (const auto n = SampleContour(solid, views_[v], kSpacingPx, 1).size()) count.emplace_back(n, v);
+    std::stable_sort(count.begin(), count.end(),
+                     [](const auto& a, const auto& b) { return a.first > b.first; });
+    std::vector<std::size_t> out;
+    for (const auto& [n, v] : count)
+      if (out.size() < kMost) out.push_back(v);
+    return out;
+  }
+
+  using DimensionMask = std::vector<std::vector<bool>>;  // per part and dimension
+
+  // Dimensions that the lines drew far from what was identified.
+  DimensionMask DrawnFar(const std::vector<AdjustedPart>& parts) const {
+    constexpr double kFarPx = 1.5;
+    DimensionMask far;
+    for (std::size_t p = 0; p < parts.size(); ++p) {
+      const auto &now = parts[p].object.dimensions_mm, &given = given_[p].object.dimensions_mm;
+      far.emplace_back();
+      for (std::size_t i = 0; i < now.size(); ++i)
+        far.back().push_back(std::abs(now[i] - given[i]) > kFarPx * TypicalMmPerPx(views_));
+    }
+    return far;
+  }
+
+  // A dimension may have met the wrong line or edge (the two edges of a thin plate one, or another part's):
+  // the grey values choose among places around. What they choose clearly is kept; true in the result where
+  // that is a new value.
+  DimensionMask Reconsider(std::vector<AdjustedPart>& parts, const DimensionMask& which) const {
+    constexpr double kClearPx = 16;  // of supported contour, in all pictures together: two pieces
+    DimensionMask changed;
+    for (std::size_t p = 0; p < parts.size(); ++p) {
+      changed.emplace_back(which[p].size(), false);
+      if (std::none_of(which[p].begin(), which[p].end(), [](bool w) { return w; })) continue;
+      const auto views = BestViews(parts[p].object);
+      for (std::size_t i = 0; i < which[p].size(); ++i) {
+        if (!which[p][i]) continue;
+        double& value = parts[p].object.dimensions_mm[i];
+        const double before = value;
+        double best = before, most = Support(parts, p, views) + kClearPx;
+        for (const double candidate : Candidates(p, i)) {
+          value = candidate;
+          const double support = Support(parts, p, views);
+          if (support > most) most = support, best = candidate;
+        }
+        value = best;
+        changed[p][i] = best != before;
+      }
+    }
+    return changed;
+  }
+
+  // Values about a pixel apart around what was identified, within the knowledge base's range.
+  std::vector<double> Candidates(std::size_t part, std::size_t dimension) const {
+    constexpr int kSteps = 5;
+    const auto& object = given_[part].object;
+    const auto& def = object.model->dimensions()[dimension];
+    std::vector<double> out;
+    for (int k = -kSteps; k <= kSteps; ++k) {
+      const double value = object.dimensions_mm[dimension] + k * TypicalMmPerPx(views_);
+      if (value >= def.min_mm && value <= def.max_mm) out.push_back(value);
+    }
+    return out;
   }
 
   static LineDistances LeastOfOthers(const std::vector<LineDistances>& all, std::size_t part) {
@@ -412,6 +512,31 @@ class Reconstructor {
         part.free[kPlacementSize + i] = false;
       }
     }
+    return any;
+  }
+
+  // Dimensions that the pictures seem not to determine are looked for around; true where one was found.
+  bool FreeReconsidered(Adjustment& a) {
+    a.ComputeCovariance();
+    DimensionMask which = captured_;
+    for (std::size_t p = 0; p < a.parts.size(); ++p) {
+      const auto seen = AnalyseObservability(a.DataInformation(static_cast<int>(p)), KnownBefore(a.parts[p]),
+                                             kObservableGain);
+      for (std::size_t i = 0; i < which[p].size(); ++i)
+        which[p][i] = captured_[p][i] || !seen.observable[kPlacementSize + i];
+    }
+    const auto changed = Reconsider(a.parts, which);
+    bool any = false;
+    for (std::size_t p = 0; p < a.parts.size(); ++p)
+      for (std::size_t i = 0; i < changed[p].size(); ++i) {
+        if (!changed[p][i]) continue;
+        any = true;
+        auto& part = a.parts[p];
+        const auto at = kPlacementSize + static_cast<Eigen::Index>(i);
+        part.free[static_cast<std::size_t>(at)] = true;
+        part.prior_value[at] = part.object.dimensions_mm[i];
+        captured_[p][i] = false;
+      }
     return any;
   }
 
@@ -603,8 +728,8 @@ class Reconstructor {
   const Progress& progress_;
   std::vector<PictureState> states_;
   std::vector<std::vector<bool>> observable_;
-  std::vector<PlacedObject> drawn_;          // the parts as the line images have them
-  std::vector<std::vector<bool>> captured_;  // per part and dimension: see HoldCaptured
+  std::vector<PlacedObject> drawn_;  // the parts as the line images have them
+  DimensionMask captured_;           // per part and dimension: see HoldCaptured
   std::vector<double> significance_;
 };
 
