@@ -1,6 +1,7 @@
 // CPU time of the line detectors on synthetic and real pictures, one thread, rounds that interleave all of
 // them. runtime_lines [ROUNDS]
 #include <fmt/format.h>
+#include <sys/resource.h>
 
 #include <cstdlib>
 #include <ctime>
@@ -56,11 +57,38 @@ std::vector<GreyImage> RealPictures() {
   return out;
 }
 
+// Steps and noise by simple arithmetic: as large as wanted, at once.
+GreyImage LargePicture(int size) {
+  GreyImage image(size, size, 8);
+  unsigned state = 1;
+  for (int v = 0; v < size; ++v)
+    for (int u = 0; u < size; ++u) {
+      state = state * 1664525u + 1013904223u;
+      const unsigned noise = (state >> 24 & 7) + (state >> 20 & 7) + (state >> 16 & 7);
+      image.Row8(v)[u] = static_cast<std::uint8_t>(60 + noise + ((u / 97 + v / 113) % 5 == 0 ? 60 : 0));
+    }
+  return image;
+}
+
+// Time and memory beside the picture, a pixel. Sizes must grow: memory is the process's largest so far.
+void ShowGrowth(int size) {
+  const GreyImage image = LargePicture(size);
+  rusage before, after;
+  getrusage(RUSAGE_SELF, &before);
+  const double start = CpuMs(), pixels = double(size) * size;
+  DetectLines(image.view(), nullptr, {});
+  const double ms = CpuMs() - start;
+  getrusage(RUSAGE_SELF, &after);
+  fmt::print("{:5} x {:5}: {:5.1f} ns and {:5.2f} bytes a pixel (bar: 12 bytes)\n", size, size,
+             1e6 * ms / pixels, 1024.0 * double(after.ru_maxrss - before.ru_maxrss) / pixels);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   const int rounds = argc > 1 ? std::max(1, std::atoi(argv[1])) : 7;
   const auto detectors = Detectors();
+  for (const int size : {1000, 2000, 4000, 8000}) ShowGrowth(size);
   fmt::print("CPU time a picture and its share of LSD's (bars: synthetic .10, real .17, 2048 x 2048 .10)\n");
   std::vector<GreyImage> synthetic;
   unsigned seed = 100;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ctime>
 #include <nlohmann/json.hpp>
 #include <random>
 
@@ -134,6 +135,56 @@ TEST(DetectLines, HasNothingToSayOfPicturesWithoutEdges) {
     EXPECT_TRUE(
         LinesOf(Render(size, size, 8, 0, [](int u, int v) { return (u + v) % 2 * 255; })).segments.empty());
   }
+}
+
+bool IsFinite(const LineImage& lines) {
+  for (const auto& s : lines.segments)
+    if (!s.start.allFinite() || !s.end.allFinite() || !std::isfinite(s.sigma_offset_px + s.sigma_angle_rad) ||
+        !std::isfinite(s.contrast + s.blur_px + s.rms_distance_px))
+      return false;
+  return std::all_of(lines.arcs.begin(), lines.arcs.end(), [](const EllipticalArc& a) {
+    return a.center.allFinite() && a.axes.allFinite() && a.covariance.allFinite() && std::isfinite(a.blur_px);
+  });
+}
+
+TEST(DetectLines, GivesOnlyFiniteNumbersWhateverThePicture) {
+  std::mt19937 random(11);
+  for (const int bits : {8, 16})
+    for (int i = 0; i < 60; ++i) {
+      const int width = 1 + int(random() % 90), height = 1 + int(random() % 90), kind = i % 4;
+      const double cell = 1 + random() % 20, most = bits == 8 ? 255 : 655.35;
+      const LineImage lines = LinesOf(Render(width, height, bits, kind == 0 ? 60 : 0, [&](int u, int v) {
+        if (kind == 1) return std::fmod(std::floor(u / cell) + std::floor(v / cell), 2) * most;  // saturated
+        if (kind == 2) return u < cell ? 0.0 : most;
+        if (kind == 3) return std::hypot(u - cell, v - cell) < 2 * cell ? most : 0.0;
+        return 120.0;
+      }));
+      EXPECT_TRUE(IsFinite(lines)) << width << " x " << height << ", kind " << kind;
+    }
+}
+
+TEST(DetectLines, ReadsRowsThatAreFartherApartThanTheyAreWide) {
+  const Rectangle r;
+  const GreyImage image = Render(200, 180, 8, 2, [&](int u, int v) { return r.At(u, v); });
+  std::vector<std::uint8_t> padded(311 * 180, 77);
+  for (int v = 0; v < 180; ++v) std::copy_n(image.view().Row8(v), 200, padded.begin() + 311 * v);
+  const LineImage lines = DetectLines({padded.data(), 200, 180, 311, 8}, nullptr, {});
+  EXPECT_EQ(LineImageToJson(lines), LineImageToJson(LinesOf(image)));
+}
+
+TEST(DetectLines, NeedsTimeInProportionToThePixelsOfNoise) {
+  auto seconds = [](int size) {
+    const GreyImage image = Render(size, size, 8, 10, [](int, int) { return 120; });
+    double best = 1e9;
+    for (int i = 0; i < 3; ++i) {
+      const std::clock_t start = std::clock();
+      EXPECT_TRUE(LinesOf(image).segments.empty());
+      best = std::min(best, double(std::clock() - start) / CLOCKS_PER_SEC);
+    }
+    return best;
+  };
+  constexpr double kSlack = 3;  // caches, and a busy machine
+  EXPECT_LT(seconds(1600), kSlack * 16 * std::max(seconds(400), 1e-3));
 }
 
 TEST(DetectLines, GivesTheSameBytesWithAWorkspaceThatHasSeenOtherPictures) {
