@@ -20,6 +20,10 @@ void PrintSummary(const Calibration& calibration, const std::string& out) {
     if (c.place)
       for (const auto& sentence : c.place->findings) std::printf("%s\n", sentence.c_str());
   }
+  if (calibration.axes) {
+    for (const auto& sentence : calibration.axes->findings) std::printf("%s\n", sentence.c_str());
+    std::printf("The axes stand in the camera files, and surveys with these cameras use them.\n");
+  }
   for (const auto& warning : calibration.warnings) std::fprintf(stderr, "warning: %s\n", warning.c_str());
   std::printf("Written: %s\n", out.c_str());
 }
@@ -27,25 +31,16 @@ void PrintSummary(const Calibration& calibration, const std::string& out) {
 Status RunCalibrate(const Arguments& arguments, const Common& common) {
   CalibrationOptions options;
   options.opencv = arguments.model == "opencv";
-  for (const std::string& setting : common.set) {
-    const auto equals = setting.find('=');
-    if (equals == std::string::npos) return UsageError("--set {}: write NAME=VALUE", setting);
-    double value = 0;
-    try {
-      std::size_t used = 0;
-      value = std::stod(setting.substr(equals + 1), &used);
-      if (used != setting.size() - equals - 1) throw std::invalid_argument("");
-    } catch (const std::exception&) {
-      return UsageError("--set {}: the value must be a number", setting);
-    }
-    VSS_ASSIGN(const bool known,
-               SetParameter(CalibrationParameters(), setting.substr(0, equals), value, options));
-    if (!known)
-      return UsageError("--set {}: calibration has no such parameter; see vss calibrate --help", setting);
+  VSS_ASSIGN(const auto settings, ParseSettings(common.set));
+  for (const auto& [name, value] : settings) {
+    VSS_ASSIGN(const bool known, SetParameter(CalibrationParameters(), name, value, options));
+    if (!known) return UsageError("--set {}: calibration has no such parameter; see vss parameters", name);
   }
   VSS_ASSIGN(const CalibrationJob job, ReadCalibrationJob(arguments.job));
-  VSS_ASSIGN(const Calibration calibration, Calibrate(job, options, common.threads, {}));
-  VSS_RETURN_IF_ERROR(WriteCalibration(calibration, arguments.out));
+  VSS_ASSIGN(OutputFolder out, OutputFolder::Open(arguments.out));
+  VSS_ASSIGN(const Calibration calibration, Calibrate(job, options, common.threads, MakeProgress(common)));
+  AddCalibration(calibration, out);
+  VSS_RETURN_IF_ERROR(out.Commit());
   if (common.json)
     std::printf("%s", CalibrationToJson(calibration).c_str());
   else

@@ -14,6 +14,7 @@ namespace {
 
 struct Arguments {
   std::string file, to, out, cube;
+  std::vector<double> at;  // displacement, mm
 };
 
 const char* NameOf(LensModel model) {
@@ -31,13 +32,9 @@ std::vector<std::string> Describe(const Camera& c) {
                   "{:.3f}), {:.1f} degrees wide.",
                   c.id, c.width_px, c.height_px, NameOf(k.model), k.fx_px, k.fy_px, k.cx_px, k.cy_px, view));
   if (c.cam_from_world) {
-    const Eigen::Vector3d centre = c.cam_from_world->Inverse().translation,
-                          axis = c.cam_from_world->rotation.row(2);
-    lines.push_back(
-        fmt::format("At gantry ({}, {}, {}) it is at ({:.2f}, {:.2f}, {:.2f}) mm and looks along ({:.4f}, "
-                    "{:.4f}, {:.4f}).",
-                    c.gantry_mm.x(), c.gantry_mm.y(), c.gantry_mm.z(), centre.x(), centre.y(), centre.z(),
-                    axis.x(), axis.y(), axis.z()));
+    const Eigen::Vector3d axis = c.cam_from_world->rotation.row(2);
+    lines.push_back(fmt::format("It looks along ({:.4f}, {:.4f}, {:.4f}).", axis.x(), axis.y(), axis.z()));
+    if (c.gantry_axes) lines.push_back("Its gantry's axes are calibrated; surveys use them.");
   }
   if (!c.quality) {
     lines.push_back("It says nothing of its quality; a calibration by vss does.");
@@ -54,6 +51,25 @@ std::vector<std::string> Describe(const Camera& c) {
   }
   for (const auto& w : c.quality->warnings) lines.push_back("warning: " + w);
   return lines;
+}
+
+// Where the camera is at a displacement of the gantry, and how well that is known.
+void DescribePlace(const Camera& c, const Eigen::Vector3d& g, std::vector<std::string>& lines) {
+  Gantry gantry;
+  if (c.gantry_axes) gantry.axes = *c.gantry_axes;
+  const RigidTransform place = gantry.CamFromWorld(c, g);
+  const Eigen::Vector3d centre = place.Inverse().translation;
+  std::string line = fmt::format("At gantry ({}, {}, {}) it is at ({:.2f}, {:.2f}, {:.2f}) mm", g.x(), g.y(),
+                                 g.z(), centre.x(), centre.y(), centre.z());
+  if (const auto covariance = PlaceCovariance(c, gantry, g)) {
+    // C = -R^T t, so dC = R^T (w x t - dt).
+    Eigen::Matrix<double, 3, 6> map;
+    map << -place.rotation.transpose() * CrossMatrix(place.translation), -place.rotation.transpose();
+    const Eigen::Vector3d sigma = (map * *covariance * map.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+    line += fmt::format(" (sigma {:.2f}, {:.2f}, {:.2f} mm; turned by {:.3f} mrad)", sigma.x(), sigma.y(),
+                        sigma.z(), 1e3 * std::sqrt(covariance->topLeftCorner<3, 3>().trace()));
+  }
+  lines.push_back(line + ".");
 }
 
 Status Convert(const Arguments& arguments, Camera camera, std::vector<std::string>& lines) {
@@ -99,7 +115,9 @@ Status CheckCube(const Arguments& arguments, const Camera& camera, std::vector<s
                           image.height(), camera.id, camera.width_px, camera.height_px);
       pictures.push_back({f.name, std::move(image), *f.gantry_mm});
     }
-    VSS_ASSIGN(const CubeCheck check, CheckAgainstCube(camera, e.cube, pictures, job.gantry));
+    Gantry gantry = job.gantry;
+    if (camera.gantry_axes) gantry.axes = *camera.gantry_axes;
+    VSS_ASSIGN(const CubeCheck check, CheckAgainstCube(camera, e.cube, pictures, gantry));
     const bool moved = check.rms_px > kMinPx && (check.turned_mrad > kSigmas * check.sigma_mrad ||
                                                  check.moved_mm > kSigmas * check.sigma_mm);
     const std::string words = fmt::format(
@@ -119,6 +137,13 @@ Status RunCheck(const Arguments& arguments, const Common& common) {
   if (const Status sound = CheckLens(camera.intrinsics, camera.width_px, camera.height_px); !sound)
     return InputError("{}: {}", arguments.file, sound.error().message);
   std::vector<std::string> lines = Describe(camera);
+  if (camera.cam_from_world) {
+    DescribePlace(camera, arguments.at.empty() ? camera.gantry_mm : Eigen::Vector3d(arguments.at.data()),
+                  lines);
+  } else if (!arguments.at.empty()) {
+    return InputError("{}: has no [pose], so it is not known where the camera is; calibrate its place first",
+                      arguments.file);
+  }
   if (!arguments.to.empty()) VSS_RETURN_IF_ERROR(Convert(arguments, camera, lines));
   if (!arguments.cube.empty()) VSS_RETURN_IF_ERROR(CheckCube(arguments, camera, lines));
   if (common.json) {
@@ -141,6 +166,10 @@ void AddCamera(CLI::App& app, Common& common) {
   check->add_option("--to", arguments->to, "Convert the lens to this model")
       ->check(CLI::IsMember({"opencv", "weng"}));
   check->add_option("-o,--out", arguments->out, "File for the converted camera; left out: printed");
+  check
+      ->add_option("--at", arguments->at,
+                   "Say where the camera is at this displacement of the gantry, X Y Z in mm")
+      ->expected(3);
   check->add_option("--cube", arguments->cube,
                     "Calibration job whose cube pictures tell whether the camera has moved");
   check->callback([arguments, &common] { Finish(RunCheck(*arguments, common)); });

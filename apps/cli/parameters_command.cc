@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command.h"
+#include "vss/calibrate/intrinsic.h"
 #include "vss/survey/parameters.h"
 
 namespace vss::cli {
@@ -18,18 +19,26 @@ std::string DefaultOf(const ParameterInfo& p) {
   return fmt::format("{:g}", p.default_value);
 }
 
+std::vector<ParameterInfo> AllParameters() {
+  std::vector<ParameterInfo> all = SurveyParameters();
+  ListParameters(CalibrationParameters(), CalibrationOptions{}, all);
+  return all;
+}
+
 void PrintTable() {
   fmt::print("{:<34} {:>10}  {:<24} {}\n", "NAME", "DEFAULT", "RANGE", "WHAT IT DOES");
-  for (const auto& p : SurveyParameters())
+  for (const auto& p : AllParameters())
     fmt::print("{:<34} {:>10}  {:<24} {}\n", p.name, DefaultOf(p), RangeOf(p), p.help);
   fmt::print(
-      "\nSet them in survey.toml ([parameters], \"{0}\" = VALUE) or on the command line (--set {0}=VALUE).\n",
+      "\nSet them in survey.toml ([parameters], \"{0}\" = VALUE) or on the command line (--set {0}=VALUE); "
+      "those of "
+      "calibrate.* on the command line of vss calibrate.\n",
       SurveyParameters().front().name);
 }
 
 void PrintJson() {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const auto& p : SurveyParameters())
+  for (const auto& p : AllParameters())
     list.push_back({{"name", p.name},
                     {"type", p.type},
                     {"unit", p.unit},

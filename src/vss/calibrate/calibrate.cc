@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <numeric>
 
-#include "vss/base/files.h"
 #include "vss/base/parallel.h"
 
 namespace vss {
@@ -122,6 +121,14 @@ Result<std::vector<CubePicture>> ReadCubePictures(const ExtrinsicJob& job, const
   return pictures;
 }
 
+void SetAxes(const Calibration& calibration, CameraCalibration& c) {
+  if (!c.place || calibration.gantry.axes == Eigen::Matrix3d::Identity()) return;
+  c.camera.gantry_axes = calibration.gantry.axes;
+  if (!calibration.axes) return;
+  c.camera.gantry_axes_sigma = calibration.axes->sigma;
+  c.camera.gantry_middle_mm = c.place->middle_mm;
+}
+
 void SetPlace(const CubeResult& place, CameraCalibration& c) {
   c.place = place;
   c.camera.cam_from_world = place.cam_from_world;
@@ -169,11 +176,11 @@ Result<Calibration> Calibrate(const CalibrationJob& job, const CalibrationOption
   std::vector<std::vector<CubePicture>> cubes(job.extrinsic.size());
   std::vector<Status> outcome(job.extrinsic.size());
   std::vector<std::optional<CubeResult>> places(job.extrinsic.size());
-  const auto place_all = [&](const Gantry& gantry) {
+  const auto place_all = [&](const Gantry& gantry, bool check_moves) {
     ParallelFor(job.extrinsic.size(), threads, [&](std::size_t i) {
       const ExtrinsicJob& e = job.extrinsic[i];
       auto place = CalibrateFromCube(e.camera, calibration.cameras[camera_of_job[i]].camera.intrinsics,
-                                     e.cube, cubes[i], e.camera_near_mm, gantry);
+                                     e.cube, cubes[i], e.camera_near_mm, gantry, check_moves);
       if (place)
         places[i] = std::move(*place);
       else
@@ -184,21 +191,21 @@ Result<Calibration> Calibrate(const CalibrationJob& job, const CalibrationOption
   for (std::size_t i = 0; i < job.extrinsic.size(); ++i) {
     VSS_ASSIGN(cubes[i], ReadCubePictures(job.extrinsic[i], calibration.cameras[camera_of_job[i]].camera));
   }
-  place_all(job.gantry);
+  place_all(job.gantry, !job.calibrate_axes);
   for (const Status& s : outcome) VSS_RETURN_IF_ERROR(s);
   if (job.calibrate_axes) {
     std::vector<CubeJob> jobs;
     for (std::size_t i = 0; i < job.extrinsic.size(); ++i)
       jobs.push_back({job.extrinsic[i].camera, calibration.cameras[camera_of_job[i]].camera.intrinsics,
                       job.extrinsic[i].cube, &cubes[i], places[i]->cam_from_world});
-    if (jobs.empty()) return InputError("the gantry's axes need cube pictures; add an [[extrinsic]]");
     VSS_ASSIGN(calibration.axes, CalibrateGantryAxes(jobs));
     calibration.gantry.axes = calibration.axes->axes;
-    place_all(calibration.gantry);
+    place_all(calibration.gantry, true);
     for (const Status& s : outcome) VSS_RETURN_IF_ERROR(s);
   }
   if (progress.Cancelled()) return Cancelled();
   for (std::size_t i = 0; i < places.size(); ++i) SetPlace(*places[i], calibration.cameras[camera_of_job[i]]);
+  for (auto& c : calibration.cameras) SetAxes(calibration, c);
   for (const auto& c : calibration.cameras)
     if (c.camera.quality)
       calibration.warnings.insert(calibration.warnings.end(), c.camera.quality->warnings.begin(),
@@ -206,37 +213,17 @@ Result<Calibration> Calibrate(const CalibrationJob& job, const CalibrationOption
   return calibration;
 }
 
-Status WriteCalibration(const Calibration& calibration, const fs::path& out) {
-  VSS_RETURN_IF_ERROR(MakeOutputFolder(out));
-  const fs::path stage = out / ".calibration.part";
-  std::error_code ec;
-  fs::remove_all(stage, ec);
-  const auto fill = [&]() -> Status {
-    VSS_RETURN_IF_ERROR(MakeOutputFolder(stage / "cameras"));
-    for (const auto& c : calibration.cameras)
-      VSS_RETURN_IF_ERROR(
-          WriteFileAtomically(stage / "cameras" / (c.camera.id + ".toml"), CameraToToml(c.camera)));
-    VSS_RETURN_IF_ERROR(WriteFileAtomically(stage / "calibration.json", CalibrationToJson(calibration)));
-    return WriteFileAtomically(stage / "report.html", CalibrationToHtml(calibration));
-  };
-  if (const Status filled = fill(); !filled) {
-    fs::remove_all(stage, ec);
-    return filled;
-  }
-  // Everything is on the disk; now it takes its names.
-  const Status made = MakeOutputFolder(out / "cameras");
+void AddCalibration(const Calibration& calibration, OutputFolder& out) {
   for (const auto& c : calibration.cameras)
-    if (made && !ec)
-      fs::rename(stage / "cameras" / (c.camera.id + ".toml"), out / "cameras" / (c.camera.id + ".toml"), ec);
-  for (const char* name : {"calibration.json", "report.html"})
-    if (made && !ec) fs::rename(stage / name, out / name, ec);
-  std::error_code ignored;
-  fs::remove_all(stage, ignored);
-  if (!made) return made;
-  if (ec)
-    return InputError("{}: the results cannot be put there ({}); name another folder with -o", out.string(),
-                      ec.message());
-  return {};
+    out.Add(fs::path("cameras") / (c.camera.id + ".toml"), CameraToToml(c.camera));
+  out.Add("calibration.json", CalibrationToJson(calibration));
+  out.Add("report.html", CalibrationToHtml(calibration));
+}
+
+Status WriteCalibration(const Calibration& calibration, const fs::path& folder) {
+  VSS_ASSIGN(OutputFolder out, OutputFolder::Open(folder));
+  AddCalibration(calibration, out);
+  return out.Commit();
 }
 
 }  // namespace vss

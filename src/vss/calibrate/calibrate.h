@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "vss/base/output_folder.h"
 #include "vss/base/progress.h"
 #include "vss/calibrate/calibration_file.h"
 #include "vss/calibrate/intrinsic.h"
@@ -33,8 +34,9 @@ Result<Calibration> Calibrate(const CalibrationJob& job, const CalibrationOption
 std::string CalibrationToJson(const Calibration& calibration);
 std::string CalibrationToHtml(const Calibration& calibration);
 
-// Writes `out`/cameras/ID.toml, calibration.json and report.html; all of it or, where the disk fails, nothing
-// new.
-Status WriteCalibration(const Calibration& calibration, const std::filesystem::path& out);
+// cameras/ID.toml, calibration.json and report.html.
+void AddCalibration(const Calibration& calibration, OutputFolder& out);
+// The same, written to `folder`: all of it or, where the disk fails, nothing.
+Status WriteCalibration(const Calibration& calibration, const std::filesystem::path& folder);
 
 }  // namespace vss

@@ -233,6 +233,10 @@ Result<ExtrinsicJob> ReadExtrinsic(const TomlValue& table, const fs::path& folde
   if (const TomlValue* file = table.Find("camera_file")) {
     VSS_ASSIGN(const std::string name, file->AsText());
     job.camera_file = folder / name;
+    std::error_code ec;
+    if (!fs::is_regular_file(*job.camera_file, ec))
+      return file->Complain(
+          fmt::format("names {}, which is no file; correct the name", job.camera_file->string()));
   }
   VSS_ASSIGN(job.images, ReadImages(table, folder, true));
   return job;
@@ -301,9 +305,19 @@ Result<CalibrationJob> ReadCalibrationJob(const fs::path& folder_or_file) {
   if (job.intrinsic.empty() && job.extrinsic.empty())
     return InputError("{}: there is nothing to calibrate; add an [[intrinsic]] with a target and its images",
                       path.string());
+  if (job.calibrate_axes && job.extrinsic.empty())
+    return file.Find("gantry")->Complain(
+        "is to be calibrated, which takes the cube at many stops; add an [[extrinsic]]");
   for (const ExtrinsicJob& e : job.extrinsic) {
     const bool has_lens = e.camera_file || std::any_of(job.intrinsic.begin(), job.intrinsic.end(),
                                                        [&](const auto& i) { return i.camera == e.camera; });
+    if (e.camera_file && std::any_of(job.intrinsic.begin(), job.intrinsic.end(),
+                                     [&](const auto& i) { return i.camera == e.camera; }))
+      return InputError(
+          "{}: camera \"{}\" has a camera_file and an [[intrinsic]] of its own, so its lens would be known "
+          "twice; "
+          "take one of them out",
+          e.where, e.camera);
     if (!has_lens)
       return InputError(
           "{}: camera \"{}\" has no [[intrinsic]] in this file; add one, or name its calibrated lens with "

@@ -231,7 +231,9 @@ std::string CalibrationToHtml(const Calibration& calibration) {
                                                      calibration.warnings.size() == 1 ? "" : "s");
   for (const auto& w : calibration.warnings) html += "<p class=\"warn\">" + Escaped(w) + "</p>\n";
   if (calibration.axes) {
-    html += "<h2>Gantry axes</h2>\n<table>";
+    html += "<h2>Gantry axes</h2>\n";
+    for (const auto& sentence : calibration.axes->findings) html += "<p>" + Escaped(sentence) + "</p>\n";
+    html += "<table>";
     for (int i = 0; i < 3; ++i)
       html += fmt::format(
           "<tr><td>{:.6f} &plusmn; {:.6f}</td><td>{:.6f} &plusmn; {:.6f}</td><td>{:.6f} &plusmn; "

@@ -143,7 +143,9 @@ std::string CalibrationToJson(const Calibration& calibration) {
            {"cameras", cameras},
            {"warnings", calibration.warnings}};
   if (calibration.axes) {
-    out["gantry"] = {{"axes", Matrix(calibration.axes->axes)}, {"sigma", Matrix(calibration.axes->sigma)}};
+    out["gantry"] = {{"axes", Matrix(calibration.axes->axes)},
+                     {"sigma", Matrix(calibration.axes->sigma)},
+                     {"findings", calibration.axes->findings}};
   }
   return out.dump(1) + "\n";
 }

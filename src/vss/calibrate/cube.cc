@@ -38,6 +38,7 @@ constexpr double kClearancePx =
     5.5;  // to other edges of the cube: the window of a sample sees one edge alone
 constexpr double kMinSampleSigmaPx = 0.02;  // model error of a sample, whatever its noise
 constexpr int kMinSamples = 20;             // in all pictures together
+constexpr double kMinAgreement = 0.4;       // of the samples that a cube would show
 
 struct Observation {
   int picture = 0, edge = 0;
@@ -285,6 +286,18 @@ Unknowns StartOf(const RigidTransform& at_zero, const std::vector<CubePicture>& 
   return x;
 }
 
+// How many samples the edges that are seen from there have.
+double PossibleSamples(const Rig& rig, const RigidTransform& pose) {
+  double possible = 0;
+  for (const auto& v : VisibleEdges(rig.geometry, pose.Inverse().translation)) {
+    const auto& e = rig.geometry.edge[v.edge];
+    const auto a = rig.lens.Project(pose * rig.geometry.corner[e.from]),
+               b = rig.lens.Project(pose * rig.geometry.corner[e.to]);
+    if (a && b) possible += (*b - *a).norm() / kSampleSpacingPx;
+  }
+  return possible;
+}
+
 std::optional<Fit> Refine(const Rig& rig, const Unknowns& start, const std::vector<double>& reaches) {
   Fit fit;
   fit.x = start;
@@ -300,15 +313,7 @@ std::optional<Fit> Refine(const Rig& rig, const Unknowns& start, const std::vect
   }
   if (fit.used < kMinSamples) return std::nullopt;
   fit.rms_px = std::sqrt(sum / fit.used);
-  for (std::size_t k = 0; k < rig.pictures.size(); ++k) {
-    const RigidTransform pose = fit.x.At(rig.pictures[k].gantry_mm);
-    for (const auto& v : VisibleEdges(rig.geometry, pose.Inverse().translation)) {
-      const auto& e = rig.geometry.edge[v.edge];
-      const auto a = rig.lens.Project(pose * rig.geometry.corner[e.from]),
-                 b = rig.lens.Project(pose * rig.geometry.corner[e.to]);
-      if (a && b) possible += (*b - *a).norm() / kSampleSpacingPx;
-    }
-  }
+  for (const auto& picture : rig.pictures) possible += PossibleSamples(rig, fit.x.At(picture.gantry_mm));
   for (const Observation& o : fit.observations) agree += o.weight > 0 && std::abs(o.residual_px) < 1;
   fit.agreement = possible > 0 ? agree / possible : 0;
   return fit;
@@ -389,81 +394,205 @@ Status CheckScale(const std::string& camera, const Rig& rig, const Fit& fit, Cub
   return {};
 }
 
-struct StopPlace {
-  Vector3d off_mm, sigma_mm;  // world: where the camera stood against where the fit of all stops has it
+// The camera's centre at each stop, by the cube alone: the stops share the rotation and the edges' biases,
+// but no displacement is believed.
+struct FreeStops {
+  std::vector<Vector3d> centre_mm;  // world
+  std::vector<bool> found;          // the cube is seen about where the displacement has it
+  MatrixXd covariance;              // of all centres, 3 a stop
 };
 
-// One stop by itself, measured anew with a wide reach; rotation and biases are those of all stops.
-std::optional<StopPlace> PlaceOfStop(const Rig& rig, const Fit& fit, std::size_t k) {
-  std::vector<CubePicture> one{rig.pictures[k]};
-  const Rig alone{rig.lens, rig.geometry, one};
-  Unknowns x = fit.x;
-  const Vector3d start = x.At(one[0].gantry_mm).Inverse().translation;
-  Matrix3d a;
-  for (double reach : {12, 8, 4, 3, 3}) {
-    auto observations = Measure(alone, x, reach);
-    if (static_cast<int>(observations.size()) < kMinSamples) return std::nullopt;
-    Weigh(alone, x, observations, reach);
-    a.setZero();
-    Vector3d b = Vector3d::Zero();
-    for (const Observation& o : observations) {
-      double r;
-      Eigen::Matrix<double, 1, 16> j;
-      if (o.weight == 0 || !Residual(alone, x, o, r, &j)) continue;
-      const Vector3d by_shift = j.segment<3>(3).transpose();
-      a += o.weight * by_shift * by_shift.transpose(), b += o.weight * r * by_shift;
-    }
-    const Vector3d step = a.ldlt().solve(b);
-    if (!step.allFinite()) return std::nullopt;
-    x.cam_from_world.translation += step;
+std::optional<FreeStops> PlaceStopsFreely(const Rig& rig, const Fit& fit) {
+  constexpr double kHardlyKnown = 1e-6;  // 1/mm^2: a sigma of a metre
+  const int stops = static_cast<int>(rig.pictures.size()), biases = 3 + 3 * stops,
+            n = biases + kNumEdgeClasses;
+  std::vector<std::vector<CubePicture>> alone;
+  std::vector<Unknowns> x(stops, fit.x);
+  for (int k = 0; k < stops; ++k) {
+    alone.push_back({rig.pictures[k]});
+    x[k].cam_from_world = fit.x.At(rig.pictures[k].gantry_mm);
+    x[k].middle = rig.pictures[k].gantry_mm;
   }
-  const Matrix3d rotation = x.cam_from_world.rotation;
-  const Matrix3d covariance = rotation.transpose() * a.inverse() * rotation;
-  return StopPlace{x.At(one[0].gantry_mm).Inverse().translation - start,
-                   covariance.diagonal().cwiseMax(0).cwiseSqrt()};
+  MatrixXd a;
+  std::vector<bool> found(stops);
+  for (double reach : {16, 12, 8, 6, 4, 4, 3, 3, 3}) {
+    a = MatrixXd::Zero(n, n);
+    VectorXd b = VectorXd::Zero(n);
+    for (int c = 0; c < kNumEdgeClasses; ++c) {
+      const double w = 1 / (kPriors[c].bias_sigma_px * kPriors[c].bias_sigma_px);
+      a(biases + c, biases + c) += w, b[biases + c] -= w * x[0].bias_px[c];
+    }
+    for (int k = 0; k < stops; ++k) {
+      const Rig one{rig.lens, rig.geometry, alone[k]};
+      auto observations = Measure(one, x[k], reach);
+      Weigh(one, x[k], observations, reach);
+      double agree = 0;
+      for (const Observation& o : observations) agree += o.weight > 0 && std::abs(o.residual_px) < 1;
+      found[k] = agree >= kMinAgreement * PossibleSamples(one, x[k].cam_from_world);
+      a.block<3, 3>(3 + 3 * k, 3 + 3 * k).diagonal().array() +=
+          kHardlyKnown;  // where no edge is left to say it
+      for (const Observation& o : observations) {
+        double r;
+        Eigen::Matrix<double, 1, 16> j;
+        if (o.weight == 0 || !Residual(one, x[k], o, r, &j)) continue;
+        VectorXd row = VectorXd::Zero(n);
+        row.head<3>() = j.head<3>().transpose();
+        row.segment<3>(3 + 3 * k) = j.segment<3>(3).transpose();
+        row[biases + static_cast<int>(o.edge_class)] = 1;
+        a += o.weight * row * row.transpose(), b += o.weight * r * row;
+      }
+    }
+    const VectorXd step = a.ldlt().solve(b);
+    if (!step.allFinite() || step.head<3>().norm() > 0.5) return std::nullopt;
+    for (int k = 0; k < stops; ++k) {
+      x[k].cam_from_world.rotation = RotationFromVector(step.head<3>()) * x[k].cam_from_world.rotation;
+      x[k].cam_from_world.translation += step.segment<3>(3 + 3 * k);
+      for (int c = 0; c < kNumEdgeClasses; ++c) x[k].bias_px[c] += step[biases + c];
+    }
+  }
+  FreeStops free;
+  free.found = found;
+  const Matrix3d rotation = x[0].cam_from_world.rotation;
+  MatrixXd map = MatrixXd::Zero(3 * stops, n);  // C = -R^T t, so dC = R^T (w x t - dt)
+  for (int k = 0; k < stops; ++k) {
+    free.centre_mm.push_back(x[k].cam_from_world.Inverse().translation);
+    map.block<3, 3>(3 * k, 0) = -rotation.transpose() * CrossMatrix(x[k].cam_from_world.translation);
+    map.block<3, 3>(3 * k, 3 + 3 * k) = -rotation.transpose();
+  }
+  free.covariance = map * a.inverse() * map.transpose();
+  return free;
 }
 
-// Known moves, as the cube shows them against what the gantry says.
-void CheckMoves(const std::string& camera, const Rig& rig, const Fit& fit, CubeResult& result) {
+// A stop against the one that agrees best with all: what its displacement is off by, as the cube shows it.
+struct StopCheck {
+  Vector3d off_mm, sigma_mm;
+  bool found = true, wrong = false;
+};
+
+std::vector<StopCheck> CheckStops(const Rig& rig, const Fit& fit, const FreeStops& free) {
   constexpr double kSigmas = 5, kMinMm = 2.0;  // less is what axes that were not calibrated may do
-  std::vector<std::optional<StopPlace>> stops;
-  for (std::size_t k = 0; k < rig.pictures.size() && rig.pictures.size() > 1; ++k)
-    stops.push_back(PlaceOfStop(rig, fit, k));
-  for (std::size_t k = 1; k < stops.size(); ++k) {
-    if (!stops[k] || !stops[0]) {
-      result.warnings.push_back(
-          fmt::format("camera {}: in {} the cube is not where the other pictures and the gantry "
-                      "displacements have it; check them",
-                      camera, rig.pictures[stops[0] ? k : 0].file));
-      continue;
-    }
-    const Vector3d said = fit.x.axes * (rig.pictures[k].gantry_mm - rig.pictures[0].gantry_mm),
-                   off = stops[k]->off_mm - stops[0]->off_mm;
-    const Vector3d sigma = (stops[k]->sigma_mm.cwiseAbs2() + stops[0]->sigma_mm.cwiseAbs2()).cwiseSqrt(),
-                   seen = said + off;
-    result.moves.push_back({rig.pictures[k].file, seen, said, sigma});
-    if (off.norm() > kMinMm && off.cwiseQuotient(sigma).cwiseAbs().maxCoeff() > kSigmas)
-      result.warnings.push_back(fmt::format(
-          "camera {}: {} moved by ({:.1f}, {:.1f}, {:.1f}) mm from {} as the cube shows it, but the gantry "
-          "says ({:.1f}, {:.1f}, {:.1f}); check the displacements, or calibrate the gantry's axes",
-          camera, rig.pictures[k].file, seen.x(), seen.y(), seen.z(), rig.pictures[0].file, said.x(),
-          said.y(), said.z()));
+  const int stops = static_cast<int>(rig.pictures.size());
+  std::vector<Vector3d> at_zero;
+  for (int k = 0; k < stops; ++k)
+    at_zero.push_back(free.centre_mm[k] - fit.x.axes * rig.pictures[k].gantry_mm);
+  const auto disagreement = [&](int k) {
+    if (!free.found[k]) return std::numeric_limits<double>::infinity();
+    double sum = 0;
+    for (int other = 0; other < stops; ++other)
+      if (free.found[other]) sum += (at_zero[k] - at_zero[other]).norm();
+    return sum;
+  };
+  int reference = 0;
+  for (int k = 1; k < stops; ++k)
+    if (disagreement(k) < disagreement(reference)) reference = k;
+  std::vector<StopCheck> checks;
+  for (int k = 0; k < stops; ++k) {
+    MatrixXd difference = MatrixXd::Zero(3, 3 * stops);
+    difference.block<3, 3>(0, 3 * k).setIdentity();
+    difference.block<3, 3>(0, 3 * reference) -= Matrix3d::Identity();
+    StopCheck c;
+    c.off_mm = at_zero[k] - at_zero[reference];
+    c.sigma_mm = (difference * free.covariance * difference.transpose()).diagonal().cwiseMax(0).cwiseSqrt();
+    c.found = free.found[k];
+    c.wrong = !c.found || (k != reference && c.off_mm.norm() > kMinMm &&
+                           c.off_mm.cwiseAbs().cwiseQuotient(c.sigma_mm).maxCoeff() > kSigmas);
+    checks.push_back(c);
   }
+  return checks;
+}
+
+std::string Numbers(const Vector3d& v) {
+  return fmt::format("({:.1f}, {:.1f}, {:.1f})", v.x(), v.y(), v.z());
+}
+
+// Known moves, as the cube shows them against what the gantry says. `left_out`: stops whose displacement the
+// others contradict, so that they must not bear on the place.
+Status CheckMoves(const std::string& camera, const Rig& rig, const Fit& fit, CubeResult& result,
+                  std::vector<std::size_t>& left_out) {
+  constexpr double kMaxMm = 10, kMaxShare = 0.01;  // of the travel: beyond, no axes excuse a move
+  if (Baseline(rig.pictures) <= 0) return {};
+  const auto free = PlaceStopsFreely(rig, fit);
+  if (!free) {
+    result.warnings.push_back(
+        fmt::format("camera {}: the gantry's moves could not be checked, since some cube pictures show too "
+                    "little of it; take "
+                    "the cube with its whole top in the picture",
+                    camera));
+    return {};
+  }
+  const auto checks = CheckStops(rig, fit, *free);
+  for (std::size_t k = 1; k < checks.size(); ++k)
+    result.moves.push_back({rig.pictures[k].file, free->centre_mm[k] - free->centre_mm[0],
+                            fit.x.axes * (rig.pictures[k].gantry_mm - rig.pictures[0].gantry_mm),
+                            (checks[k].sigma_mm.cwiseAbs2() + checks[0].sigma_mm.cwiseAbs2()).cwiseSqrt()});
+  std::size_t num_wrong = 0;
+  for (const auto& c : checks) num_wrong += c.wrong;
+  const bool minority = 2 * num_wrong < checks.size();
+  for (std::size_t k = 0; k < checks.size(); ++k) {
+    if (!checks[k].wrong) continue;
+    const Vector3d said = rig.pictures[k].gantry_mm, seen = said + fit.x.axes.inverse() * checks[k].off_mm;
+    const std::string words =
+        checks[k].found
+            ? fmt::format(
+                  "camera {}: by the cube {} was taken at gantry {} mm, but its displacement is given as {}",
+                  camera, rig.pictures[k].file, Numbers(seen), Numbers(said))
+            : fmt::format("camera {}: in {} the cube is nowhere near where the displacement {} mm has it",
+                          camera, rig.pictures[k].file, Numbers(said));
+    if (minority && checks.size() > 2) {
+      left_out.push_back(k);
+      result.warnings.push_back(words +
+                                ", so it was left out; check the displacements of its pictures, or "
+                                "calibrate the gantry's axes");
+    } else if (!checks[k].found || checks[k].off_mm.norm() > kMaxMm + kMaxShare * Baseline(rig.pictures)) {
+      return InputError("{}; check the displacements of its pictures, and measure the cube", words);
+    } else {
+      result.warnings.push_back(words + "; check the displacements, or calibrate the gantry's axes");
+    }
+  }
+  return {};
 }
 
 Vector3d CentreAtZero(const Fit& fit) { return fit.x.At(Vector3d::Zero()).Inverse().translation; }
 
+// From above, a cube's four places differ by a turn of the camera alone.
+bool SamePlace(const Fit& a, const Fit& b, const Vector3d& cube) {
+  constexpr double kSameShare = 0.02, kSameRad = 0.1;
+  return (CentreAtZero(a) - CentreAtZero(b)).norm() <
+             kSameShare * (CentreAtZero(a) + a.x.middle - cube).norm() &&
+         VectorFromRotation(a.x.cam_from_world.rotation * b.x.cam_from_world.rotation.transpose()).norm() <
+             kSameRad;
+}
+
+// The starts that are tried: good ones, those near the given place first.
+std::vector<cube::Start> Trials(std::vector<cube::Start> starts, const std::optional<Vector3d>& near) {
+  constexpr std::size_t kMaxNear = 12,
+                        kMaxAnywhere = 24;  // a cube that shows three faces looks alike from twelve places
+  constexpr double kMinScore = 0.5;         // of the best
+  if (!starts.empty()) {
+    const double least = kMinScore * starts[0].score;
+    std::erase_if(starts, [&](const auto& s) { return s.score < least; });
+  }
+  const auto off = [&](const cube::Start& s) {
+    return (s.cam_from_world.Inverse().translation - *near).norm();
+  };
+  if (near)
+    std::stable_sort(starts.begin(), starts.end(),
+                     [&](const auto& a, const auto& b) { return off(a) < off(b); });
+  starts.resize(std::min(starts.size(), near ? kMaxNear : kMaxAnywhere));
+  return starts;
+}
+
 // Of the places that fit, the one meant: near the given place, or the only one that several stops allow.
 Result<Fit> Choose(const std::string& camera, std::vector<Fit> fits, const std::optional<Vector3d>& near,
                    const Vector3d& cube, CubeResult& result) {
-  constexpr double kAsGood = 0.9;  // of the best agreement: as good for what edges can tell
+  constexpr double kAsGood = 0.9;         // of the best agreement: as good for what edges can tell
+  constexpr double kClearlyNearer = 0.9;  // of the next place's distance
   std::sort(fits.begin(), fits.end(), [](const Fit& a, const Fit& b) { return a.agreement > b.agreement; });
   std::vector<Fit> good;
   for (const Fit& f : fits) {
     if (f.agreement < kAsGood * fits[0].agreement || f.rms_px > 3 * std::max(0.1, fits[0].rms_px)) continue;
-    const bool known = std::any_of(good.begin(), good.end(), [&](const Fit& g) {
-      return (CentreAtZero(g) - CentreAtZero(f)).norm() < 0.02 * (CentreAtZero(f) + f.x.middle - cube).norm();
-    });
+    const bool known =
+        std::any_of(good.begin(), good.end(), [&](const Fit& g) { return SamePlace(f, g, cube); });
     if (!known) good.push_back(f);
   }
   if (!near && good.size() > 1)
@@ -472,20 +601,40 @@ Result<Fit> Choose(const std::string& camera, std::vector<Fit> fits, const std::
         "{:.0f}) mm; give camera_near = [x, y, z], or pictures from more stops of the gantry",
         camera, good.size(), CentreAtZero(good[0]).x(), CentreAtZero(good[0]).y(), CentreAtZero(good[0]).z(),
         CentreAtZero(good[1]).x(), CentreAtZero(good[1]).y(), CentreAtZero(good[1]).z());
-  if (near) {
-    const auto nearest = std::min_element(good.begin(), good.end(), [&](const Fit& a, const Fit& b) {
-      return (CentreAtZero(a) - *near).norm() < (CentreAtZero(b) - *near).norm();
-    });
-    const double off = (CentreAtZero(*nearest) - *near).norm(),
-                 distance = (CentreAtZero(*nearest) + nearest->x.middle - cube).norm();
-    if (off > 0.4 * distance)
-      result.warnings.push_back(fmt::format(
-          "camera {}: camera_near is {:.0f} mm from where the cube has the camera, ({:.0f}, {:.0f}, {:.0f}) "
-          "mm at gantry [0, 0, 0]; check it",
-          camera, off, CentreAtZero(*nearest).x(), CentreAtZero(*nearest).y(), CentreAtZero(*nearest).z()));
-    return *nearest;
-  }
+  if (!near) return good[0];
+  std::sort(good.begin(), good.end(), [&](const Fit& a, const Fit& b) {
+    return (CentreAtZero(a) - *near).norm() < (CentreAtZero(b) - *near).norm();
+  });
+  const double off = (CentreAtZero(good[0]) - *near).norm(),
+               distance = (CentreAtZero(good[0]) + good[0].x.middle - cube).norm();
+  if (good.size() > 1 && off > kClearlyNearer * (CentreAtZero(good[1]) - *near).norm())
+    return InputError(
+        "camera {}: camera_near does not decide between ({:.0f}, {:.0f}, {:.0f}) and ({:.0f}, {:.0f}, "
+        "{:.0f}) mm, "
+        "from which the cube looks alike; give it more exactly, or add pictures from more stops of the "
+        "gantry",
+        camera, CentreAtZero(good[0]).x(), CentreAtZero(good[0]).y(), CentreAtZero(good[0]).z(),
+        CentreAtZero(good[1]).x(), CentreAtZero(good[1]).y(), CentreAtZero(good[1]).z());
+  if (off > 0.4 * distance)
+    result.warnings.push_back(fmt::format(
+        "camera {}: camera_near is {:.0f} mm from where the cube has the camera, ({:.0f}, {:.0f}, {:.0f}) "
+        "mm at gantry [0, 0, 0]; check it",
+        camera, off, CentreAtZero(good[0]).x(), CentreAtZero(good[0]).y(), CentreAtZero(good[0]).z()));
   return good[0];
+}
+
+// The place from the other stops alone; the moves and warnings stay as all stops showed them.
+Result<CubeResult> WithoutStops(const std::string& camera, const Intrinsics& lens, const CubeSpec& spec,
+                                const std::vector<CubePicture>& pictures,
+                                const std::vector<std::size_t>& left_out, const Fit& fit,
+                                const Gantry& gantry, const CubeResult& checked) {
+  std::vector<CubePicture> rest;
+  for (std::size_t k = 0; k < pictures.size(); ++k)
+    if (std::find(left_out.begin(), left_out.end(), k) == left_out.end()) rest.push_back(pictures[k]);
+  VSS_ASSIGN(CubeResult result, CalibrateFromCube(camera, lens, spec, rest, CentreAtZero(fit), gantry));
+  result.moves = checked.moves;
+  result.warnings.insert(result.warnings.begin(), checked.warnings.begin(), checked.warnings.end());
+  return result;
 }
 
 }  // namespace
@@ -494,15 +643,13 @@ const char* NameOf(EdgeClass c) { return kPriors[static_cast<int>(c)].name; }
 
 Result<CubeResult> CalibrateFromCube(const std::string& camera, const Intrinsics& lens, const CubeSpec& spec,
                                      const std::vector<CubePicture>& pictures,
-                                     const std::optional<Vector3d>& near, const Gantry& gantry) {
-  constexpr double kMinAgreement = 0.4;  // of the samples that a cube would show
-  constexpr std::size_t kTrials = 12;
+                                     const std::optional<Vector3d>& near, const Gantry& gantry,
+                                     bool check_moves) {
   const Geometry geometry = cube::GeometryOf(spec);
   const Rig rig{lens, geometry, pictures};
-  const auto starts = cube::FindStarts(lens, geometry, pictures, gantry.axes);
   std::vector<Fit> fits;
-  for (std::size_t i = 0; i < std::min(kTrials, starts.size()); ++i)
-    if (auto fit = Refine(rig, StartOf(starts[i].cam_from_world, pictures, spec, gantry.axes), {10, 6, 4}))
+  for (const auto& start : Trials(cube::FindStarts(lens, geometry, pictures, gantry.axes), near))
+    if (auto fit = Refine(rig, StartOf(start.cam_from_world, pictures, spec, gantry.axes), {10, 6, 4}))
       fits.push_back(std::move(*fit));
   CubeResult result;
   if (fits.empty() || std::max_element(fits.begin(), fits.end(), [](const Fit& a, const Fit& b) {
@@ -521,13 +668,18 @@ Result<CubeResult> CalibrateFromCube(const std::string& camera, const Intrinsics
         "camera {}: the cube's edges in {} cannot be measured; take the pictures again with more light or "
         "contrast",
         camera, pictures[0].file);
+  std::vector<std::size_t> left_out;
+  if (check_moves) VSS_RETURN_IF_ERROR(CheckMoves(camera, rig, *fit, result, left_out));
+  if (!left_out.empty()) return WithoutStops(camera, lens, spec, pictures, left_out, *fit, gantry, result);
   result.cam_from_world = fit->x.At(Vector3d::Zero());
+  result.middle_mm = fit->x.middle;
   result.rms_px = fit->rms_px;
   result.num_points = fit->used;
   FillCovariance(rig, *fit, result);
   FillEdges(rig, *fit, result);
-  VSS_RETURN_IF_ERROR(CheckScale(camera, rig, *fit, result));
-  CheckMoves(camera, rig, *fit, result);
+  if (check_moves) {
+    VSS_RETURN_IF_ERROR(CheckScale(camera, rig, *fit, result));
+  }
   const Vector3d centre = CentreAtZero(*fit);
   result.findings.push_back(
       fmt::format("Camera {}: {} edge points of {} cube pictures fit to {:.3f} px RMS; at gantry [0, 0, 0] "
@@ -557,6 +709,30 @@ MatrixXd JointCovariance(const MatrixXd& lens, const CubeResult& cube) {
   joint.bottomRightCorner(6, 6) = cube.covariance + cube.by_lens * lens * cube.by_lens.transpose();
   return 0.5 * (joint + joint.transpose());
 }
+
+namespace {
+
+void DescribeAxes(const std::vector<int>& columns, GantryAxes& result) {
+  for (int d : columns) {
+    const Vector3d axis = result.axes.col(d);
+    const double off_rad = std::acos(std::clamp(axis.normalized()[d], -1.0, 1.0));
+    result.findings.push_back(
+        fmt::format("Gantry axis {}: a millimetre of displacement moves the cameras by {:.5f} mm (sigma "
+                    "{:.5f}), {:.2f} mrad "
+                    "off the world's axis.",
+                    "xyz"[d], axis.norm(), result.sigma(d, d), 1e3 * off_rad));
+  }
+  for (std::size_t a = 0; a < columns.size(); ++a)
+    for (std::size_t b = a + 1; b < columns.size(); ++b) {
+      const double cosine =
+          result.axes.col(columns[a]).normalized().dot(result.axes.col(columns[b]).normalized());
+      result.findings.push_back(fmt::format("Gantry axes {} and {} are {:.4f} degrees apart.",
+                                            "xyz"[columns[a]], "xyz"[columns[b]],
+                                            DegFromRad(std::acos(std::clamp(cosine, -1.0, 1.0)))));
+    }
+}
+
+}  // namespace
 
 Result<GantryAxes> CalibrateGantryAxes(const std::vector<CubeJob>& jobs) {
   constexpr double kMinTravelMm = 100;  // less says nothing of a direction
@@ -620,6 +796,7 @@ Result<GantryAxes> CalibrateGantryAxes(const std::vector<CubeJob>& jobs) {
   const MatrixXd covariance = a.inverse();
   for (std::size_t c = 0; c < columns.size(); ++c)
     for (int i = 0; i < 3; ++i) result.sigma(i, columns[c]) = std::sqrt(covariance(3 * c + i, 3 * c + i));
+  DescribeAxes(columns, result);
   return result;
 }
 

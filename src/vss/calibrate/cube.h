@@ -51,6 +51,7 @@ struct CubeResult {
       by_lens;  // d pose / d (fx, fy, cx, cy, distortion): 6 x n, how an error of the lens gets in
   double bias_px[kNumEdgeClasses] = {};
   double bias_sigma_px[kNumEdgeClasses] = {};
+  Eigen::Vector3d middle_mm = Eigen::Vector3d::Zero();  // of the stops' displacements
   double rms_px = 0;
   int num_points = 0;
   double cube_scale = 1,
@@ -61,11 +62,13 @@ struct CubeResult {
   std::vector<std::string> warnings, findings;
 };
 
-// `near_mm`: roughly where the camera is at gantry displacement zero (world). Errors name the camera, the
-// cause and the remedy.
+// `near_mm`: roughly where the camera is at gantry displacement zero (world). `check_moves`: refuse or warn
+// where the cube contradicts the gantry's moves; false while its axes are still to be calibrated. Errors name
+// the camera, the cause and the remedy.
 Result<CubeResult> CalibrateFromCube(const std::string& camera, const Intrinsics& lens, const CubeSpec& cube,
                                      const std::vector<CubePicture>& pictures,
-                                     const std::optional<Eigen::Vector3d>& near_mm, const Gantry& gantry);
+                                     const std::optional<Eigen::Vector3d>& near_mm, const Gantry& gantry,
+                                     bool check_moves = true);
 
 // Joint covariance of lens and place, in the order of CalibrationQuality.
 Eigen::MatrixXd JointCovariance(const Eigen::MatrixXd& lens_covariance, const CubeResult& cube);
@@ -82,6 +85,7 @@ struct GantryAxes {
   Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d sigma = Eigen::Matrix3d::Zero();
   bool moved[3] = {false, false, false};  // directions in which the stops differ; the others stay as they are
+  std::vector<std::string> findings;      // scale, direction and skew in words
 };
 Result<GantryAxes> CalibrateGantryAxes(const std::vector<CubeJob>& jobs);
 

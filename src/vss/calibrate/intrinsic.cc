@@ -51,16 +51,18 @@ Status CheckSizes(const std::string& camera, const std::vector<BoardPicture>& pi
 
 Status CheckCounts(const std::string& camera, const TargetSpec& target, std::vector<BoardPicture>& pictures) {
   std::map<std::pair<int, int>, int> wrong;
-  int usable = 0, mirrored = 0;
+  int usable = 0, mirrored = 0, other_codes = 0, telling = 0;
   for (BoardPicture& p : pictures) {
     if (!p.why_unusable.empty()) continue;
     ++usable;
     const BoardMarks& b = p.board;
-    mirrored += b.mirrored;
+    mirrored += b.mirrored, other_codes += b.codes_disagree;
+    if (b.codes_disagree) p.why_unusable = "its markers are not where the target has them";
     const bool too_many = b.columns_seen > target.columns || b.rows_seen > target.rows;
     const bool too_few = (b.columns_complete && b.columns_seen < target.columns) ||
                          (b.rows_complete && b.rows_seen < target.rows);
     if (too_many || too_few) ++wrong[{b.columns_seen, b.rows_seen}];
+    telling += too_many || b.columns_complete || b.rows_complete;
     if (too_many)
       p.why_unusable =
           fmt::format("shows a grid of {} x {} {}, more than the target's {} x {}", b.columns_seen,
@@ -71,16 +73,23 @@ Status CheckCounts(const std::string& camera, const TargetSpec& target, std::vec
         "camera {}: {} of {} pictures show the board mirrored; turn mirroring off in the camera's driver, or "
         "print the board again the right way round",
         camera, mirrored, usable);
+  if (2 * other_codes > usable)
+    return InputError(
+        "camera {}: in {} of {} pictures the board's markers are not where the target has them; correct the "
+        "target's dictionary, columns, rows and first_square_white",
+        camera, other_codes, usable);
   int num_wrong = 0;
   for (const auto& w : wrong) num_wrong += w.second;
-  // A miscount in one view is a hand or a reflection; in half of them it is the target.
-  if (usable > 0 && 2 * num_wrong >= usable) {
+  // A miscount in one view is a hand or a reflection; in half of those that show the board's ends it is the
+  // target.
+  if (num_wrong >= std::min(2, usable) && num_wrong > 0 && 2 * num_wrong >= telling) {
     const auto most = std::max_element(wrong.begin(), wrong.end(),
                                        [](const auto& a, const auto& b) { return a.second < b.second; });
     return InputError(
-        "camera {}: {} of {} pictures show a board of {} x {} {}, but its target says columns = {}, rows = "
-        "{}; correct the target's counts",
-        camera, num_wrong, usable, most->first.first, most->first.second, MarksName(target), target.columns,
+        "camera {}: {} of {} pictures that tell show a board of {} x {} {}, but its target says columns = "
+        "{}, "
+        "rows = {}; correct the target's counts",
+        camera, num_wrong, telling, most->first.first, most->first.second, MarksName(target), target.columns,
         target.rows);
   }
   return {};
@@ -539,6 +548,11 @@ void Warn(const std::string& camera, const TargetSpec& target, IntrinsicResult& 
                       q.file, q.blur_px, usual));
     if (!q.used) warn(fmt::format("{} was not used: {}", q.file, q.why_not));
   }
+  if (target.pattern == TargetPattern::kCharuco && 2 * r.num_by_codes < static_cast<int>(r.views.size()))
+    warn(fmt::format(
+        "the markers could be read in {} of {} views only, so which corners are seen was counted; "
+        "check the target's dictionary and marker, and the sharpness",
+        r.num_by_codes, r.views.size()));
   if (!r.dropped.empty())
     warn(fmt::format("{} marks were dropped as wrong, the worst {:.2f} px off", r.dropped.size(),
                      std::max_element(r.dropped.begin(), r.dropped.end(), [](const auto& a, const auto& b) {
@@ -578,8 +592,9 @@ struct Candidate {
 
 std::vector<Candidate> CandidateViews(const IntrinsicResult& r, const TargetSpec& target) {
   const Vector2d board = target.PointOnBoard(target.columns - 1, target.rows - 1);
-  const char* across[] = {"left", "middle", "right"};
-  const char* along[] = {"top", "middle", "bottom"};
+  const char* where[3][3] = {{"at the top left", "at the top", "at the top right"},
+                             {"at the left", "in the middle", "at the right"},
+                             {"at the bottom left", "at the bottom", "at the bottom right"}};
   std::vector<Candidate> list;
   for (double share : {0.45, 0.8})  // of the picture that the board fills
     for (int j = 0; j < 3; ++j)
@@ -599,10 +614,9 @@ std::vector<Candidate> CandidateViews(const IntrinsicResult& r, const TargetSpec
           const double z = r.intrinsics.fx_px * board.x() / (share * r.width_px);
           const Eigen::Matrix3d rotation = RotationFromVector(tilt * axis);
           const Vector3d centre = z * ray->homogeneous();
-          list.push_back(
-              {fmt::format("the board at the {} {} of the picture, filling about {:.0f} % of its width, {}",
-                           along[j], across[i], 100 * share, lean[t]),
-               {rotation, centre - rotation * Vector3d(board.x() / 2, board.y() / 2, 0)}});
+          list.push_back({fmt::format("the board {} of the picture, filling about {:.0f} % of its width, {}",
+                                      where[j][i], 100 * share, lean[t]),
+                          {rotation, centre - rotation * Vector3d(board.x() / 2, board.y() / 2, 0)}});
         }
   return list;
 }
@@ -729,6 +743,7 @@ Result<IntrinsicResult> CalibrateIntrinsics(const std::string& camera, const Tar
   result.solution = robust.solution;
   result.views = robust.corrected;
   result.picture_of_view = robust.views.picture;
+  for (int p : result.picture_of_view) result.num_by_codes += pictures[p].board.by_codes;
   result.intrinsics = robust.solution.intrinsics;
   result.intrinsics.pixel_pitch_v_mm =
       problem.model == LensModel::kWeng ? (pitch.y() > 0 ? pitch.y() : 0.01) : 0;

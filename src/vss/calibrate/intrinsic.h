@@ -68,6 +68,7 @@ struct IntrinsicResult {
   std::vector<BoardView> views;      // as solved: dropped marks out, disc centres corrected
   std::vector<int> picture_of_view;  // index into `quality`
   std::vector<ViewQuality> quality;  // one a picture
+  int num_by_codes = 0;              // views in which a coded board's markers were read
   std::vector<DroppedMark> dropped;
   std::vector<ModelChoice> choices;
   double holdout_px = 0;  // views that took no part, both ways

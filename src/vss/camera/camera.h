@@ -15,15 +15,16 @@ namespace vss {
 
 enum class Response { kLinear, kSrgb };  // how grey values follow light
 
-// What a calibration knows of its own quality. Order of the parameters: fx, fy, cx, cy (px), the given distortion
-// coefficients, then, where the camera has a place, rotation (rad, cam_from_world <- exp(w) cam_from_world) and
-// translation of cam_from_world (mm).
+// What a calibration knows of its own quality. Order of the parameters: fx, fy, cx, cy (px), the given
+// distortion coefficients, then, where the camera has a place, rotation (rad, cam_from_world <- exp(w)
+// cam_from_world) and translation of cam_from_world (mm).
 struct CalibrationQuality {
   double residual_px = 0;
   int num_views = 0;
-  Eigen::MatrixXd covariance;             // square over the parameters above; empty where unknown
-  std::vector<std::string> warnings;      // sentences that every later step repeats
-  std::map<std::string, std::string> about = {};  // date, serial, lens, aperture: what the calibration holds for
+  Eigen::MatrixXd covariance;         // square over the parameters above; empty where unknown
+  std::vector<std::string> warnings;  // sentences that every later step repeats
+  std::map<std::string, std::string> about =
+      {};  // date, serial, lens, aperture: what the calibration holds for
 };
 
 struct Camera {
@@ -31,9 +32,15 @@ struct Camera {
   int width_px = 0, height_px = 0;
   Response response = Response::kLinear;
   Intrinsics intrinsics;
-  std::optional<RigidTransform> cam_from_world;                // at gantry displacement `gantry_mm`
+  std::optional<RigidTransform> cam_from_world;  // at gantry displacement `gantry_mm`
   Eigen::Vector3d gantry_mm = Eigen::Vector3d::Zero();
   std::optional<CalibrationQuality> quality;
+  // The gantry's axes that the place was calibrated with; empty: as they are called. Their standard
+  // deviations, and the displacement about which the place was calibrated: away from it the axes' errors
+  // count.
+  std::optional<Eigen::Matrix3d> gantry_axes;
+  Eigen::Matrix3d gantry_axes_sigma = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d gantry_middle_mm = Eigen::Vector3d::Zero();
 };
 
 // The carriage: at displacement g every camera has moved by axes * g in the world.
@@ -48,12 +55,17 @@ struct Gantry {
   }
 };
 
+// Covariance of rotation (rad, R <- exp(w) R) and translation (mm) of cam_from_world at displacement `g`,
+// from the camera's own and that of the axes. Empty where the camera's file says nothing of its place's.
+std::optional<Eigen::Matrix<double, 6, 6>> PlaceCovariance(const Camera& camera, const Gantry& gantry,
+                                                           const Eigen::Vector3d& g_mm);
+
 // Format vss-camera/1. Errors name the file, the line and the remedy.
 Result<Camera> ReadCamera(const std::filesystem::path& path);
 std::string CameraToToml(const Camera& camera);
 
-// `rotation` and `translation` (mm) of a table, as cameras and pictures give them. The rotation may be off orthonormal
-// by 1e-3 and is made so; more is an error.
+// `rotation` and `translation` (mm) of a table, as cameras and pictures give them. The rotation may be off
+// orthonormal by 1e-3 and is made so; more is an error.
 Result<RigidTransform> ReadRigidTransform(const TomlValue& table);
 
 }  // namespace vss

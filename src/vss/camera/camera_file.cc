@@ -1,4 +1,5 @@
 // Camera files, format vss-camera/1.
+#include <Eigen/LU>
 #include <algorithm>
 
 #include "vss/base/toml_file.h"
@@ -7,7 +8,7 @@
 namespace vss {
 namespace {
 
-constexpr int kMaxSide_px = 65535;           // no sensor is larger
+constexpr int kMaxSide_px = 65535;                                        // no sensor is larger
 constexpr const char* kAbout[] = {"date", "serial", "lens", "aperture"};  // what a calibration holds for
 constexpr double kRotationTolerance = 1e-3;  // the contract's, for matrices rounded by hand
 
@@ -94,6 +95,23 @@ Status ReadPose(const TomlValue& table, Camera& camera) {
   return {};
 }
 
+Status ReadAxes(const TomlValue& table, Camera& camera) {
+  constexpr double kFlat = 1e-3;  // axes that span less have no third direction
+  if (const TomlValue* axes = table.Find("axes")) {
+    VSS_ASSIGN(camera.gantry_axes, axes->AsMatrix(3, 3));
+    if (std::abs(camera.gantry_axes->determinant()) < kFlat)
+      return axes->Complain("are three axes in one plane; calibrate the gantry again or leave `axes` out");
+  }
+  if (const TomlValue* middle = table.Find("middle")) {
+    VSS_ASSIGN(camera.gantry_middle_mm, middle->AsVector(3));
+  }
+  if (const TomlValue* sigma = table.Find("axes_sigma")) {
+    VSS_ASSIGN(camera.gantry_axes_sigma, sigma->AsMatrix(3, 3));
+    if (camera.gantry_axes_sigma.minCoeff() < 0) return sigma->Complain("must have no number below 0");
+  }
+  return {};
+}
+
 Result<Response> ReadResponse(const TomlValue& value) {
   VSS_ASSIGN(const std::string name, value.AsText());
   if (name == "linear") return Response::kLinear;
@@ -172,6 +190,9 @@ Result<Camera> ReadCamera(const std::filesystem::path& path) {
   if (const TomlValue* pose = file.Find("pose")) {
     VSS_RETURN_IF_ERROR(ReadPose(*pose, camera));
   }
+  if (const TomlValue* gantry = file.Find("gantry"); gantry && gantry->IsTable()) {
+    VSS_RETURN_IF_ERROR(ReadAxes(*gantry, camera));
+  }
   if (const TomlValue* quality = file.Find("quality"); quality && quality->IsTable()) {
     VSS_ASSIGN(camera.quality, ReadQuality(*quality, NumParameters(camera)));
   }
@@ -209,6 +230,16 @@ std::string PoseToToml(const Camera& camera) {
       TomlArray(camera.cam_from_world->translation));
 }
 
+std::string AxesToToml(const Camera& camera) {
+  std::string out =
+      fmt::format("\n[gantry]  # world = axes * displacement\naxes = {}\n", TomlMatrix(*camera.gantry_axes));
+  if (camera.gantry_axes_sigma.maxCoeff() > 0)
+    out +=
+        fmt::format("axes_sigma = {}\nmiddle = {}  # displacement about which the place was calibrated, mm\n",
+                    TomlMatrix(camera.gantry_axes_sigma), TomlArray(camera.gantry_middle_mm));
+  return out;
+}
+
 std::string QualityToToml(const CalibrationQuality& quality) {
   std::string out = fmt::format("\n[quality]\nresidual_px = {}\nviews = {}\n",
                                 TomlNumber(quality.residual_px), quality.num_views);
@@ -230,12 +261,32 @@ std::string QualityToToml(const CalibrationQuality& quality) {
 
 }  // namespace
 
+std::optional<Eigen::Matrix<double, 6, 6>> PlaceCovariance(const Camera& camera, const Gantry& gantry,
+                                                           const Eigen::Vector3d& g_mm) {
+  const int lens = 4 + camera.intrinsics.num_distortion;
+  if (!camera.cam_from_world || !camera.quality || camera.quality->covariance.rows() != lens + 6)
+    return std::nullopt;
+  // t(g) = t - R A (g - g0), so that dt(g) = dt - w x (R A (g - g0)), and an
+  // error of the axes moves the camera by dA (g - middle).
+  const Eigen::Vector3d travel = g_mm - camera.gantry_mm;
+  const Eigen::Matrix3d& r = camera.cam_from_world->rotation;
+  Eigen::Matrix<double, 6, 6> move = Eigen::Matrix<double, 6, 6>::Identity();
+  move.bottomLeftCorner<3, 3>() = CrossMatrix(r * gantry.axes * travel);
+  Eigen::Matrix<double, 6, 6> covariance =
+      move * camera.quality->covariance.bottomRightCorner<6, 6>() * move.transpose();
+  const Eigen::Vector3d variance =
+      camera.gantry_axes_sigma.cwiseAbs2() * (g_mm - camera.gantry_middle_mm).cwiseAbs2();
+  covariance.bottomRightCorner<3, 3>() += r * variance.asDiagonal() * r.transpose();
+  return covariance;
+}
+
 std::string CameraToToml(const Camera& camera) {
   std::string out = fmt::format(
       "format = \"vss-camera/1\"\nid = {}\nwidth = {}\nheight = {}\nresponse = \"{}\"\n", TomlText(camera.id),
       camera.width_px, camera.height_px, camera.response == Response::kSrgb ? "srgb" : "linear");
   out += IntrinsicsToToml(camera.intrinsics);
   if (camera.cam_from_world) out += PoseToToml(camera);
+  if (camera.gantry_axes) out += AxesToToml(camera);
   if (camera.quality) out += QualityToToml(*camera.quality);
   return out;
 }

@@ -49,8 +49,10 @@ struct Mark {
 // is out of view; that does not matter for a flat board, whose pose is free in every view.
 struct BoardMarks {
   std::vector<Mark> marks;
-  bool anchored = false;  // column and row are those of the board (up to half a turn for a plain grid)
-  bool mirrored = false;  // the board is seen in a mirror: distinguished discs or markers say so
+  bool anchored = false;        // column and row are those of the board (up to half a turn for a plain grid)
+  bool mirrored = false;        // the board is seen in a mirror: distinguished discs or markers say so
+  bool by_codes = false;        // kCharuco: the markers said which corners are seen
+  bool codes_disagree = false;  // kCharuco: markers were read, but not where the target has them
   int columns_seen = 0, rows_seen = 0;  // extent in the board's own directions
   bool columns_complete = false,
        rows_complete = false;  // there would have been room for one more at both ends

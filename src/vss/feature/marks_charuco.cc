@@ -84,18 +84,46 @@ std::vector<std::array<int, 2>> MarkedSquares(const TargetSpec& t) {
   return squares;
 }
 
+// How often each place of the board (quarter-turns, column, row) was voted for.
+using Votes = std::map<std::array<int, 3>, int>;
+
+// The places of the board that the marker in the cell at (column, row) allows. False: it is none of the
+// board.
+bool Vote(std::uint64_t bits, const MarkerDictionary& dictionary,
+          const std::vector<std::array<int, 2>>& squares, int column, int row, bool mirror, Votes& votes) {
+  constexpr int kMaxWrongBits = 1;
+  bool any = false;
+  for (int turns = 0; turns < 4; ++turns) {
+    const std::uint64_t seen = Turned(bits, dictionary.side, turns, mirror);
+    for (std::size_t id = 0; id < std::min(squares.size(), dictionary.bits.size()); ++id) {
+      if (std::popcount(seen ^ dictionary.bits[id]) > kMaxWrongBits) continue;
+      const Placement turn{turns, 0, 0};
+      const auto a = turn(column, row), b = turn(column + 1, row + 1);
+      ++votes[{turns, squares[id][0] - 1 - std::min(a[0], b[0]), squares[id][1] - 1 - std::min(a[1], b[1])}];
+      any = true;
+    }
+  }
+  return any;
+}
+
+Votes::const_iterator Best(const Votes& votes) {
+  return std::max_element(votes.begin(), votes.end(),
+                          [](const auto& a, const auto& b) { return a.second < b.second; });
+}
+
 }  // namespace
 
 void AnchorByMarkers(const GreyView& picture, const TargetSpec& target, BoardMarks& board) {
-  constexpr int kMaxWrongBits = 1;
+  constexpr int kMinAgreed = 2, kMinRead = 4;
+  constexpr double kMinAgreement = 0.6;  // of the markers read: the others may be texture, read by chance
   const auto dictionary = PredefinedMarkers(target.dictionary);
   const auto squares = MarkedSquares(target);
   const FloatImage image = ToFloat(picture);
   std::map<std::pair<int, int>, int> index;
   for (std::size_t i = 0; i < board.marks.size(); ++i)
     index[{board.marks[i].column, board.marks[i].row}] = static_cast<int>(i);
-  std::map<std::array<int, 3>, int> votes;
-  int mirrored = 0;
+  Votes votes, mirrored;
+  int read = 0;
   for (const auto& [label, first] : index) {
     if (!dictionary) break;
     std::array<Vector2d, 4> corner;
@@ -109,28 +137,20 @@ void AnchorByMarkers(const GreyView& picture, const TargetSpec& target, BoardMar
     if (!whole) continue;
     const auto bits = ReadBits(image, Cell(corner), target.marker_mm / target.pitch_mm, dictionary->side);
     if (!bits) continue;
-    for (bool mirror : {false, true})
-      for (int turns = 0; turns < 4; ++turns) {
-        const std::uint64_t seen = Turned(*bits, dictionary->side, turns, mirror);
-        for (std::size_t id = 0; id < std::min(squares.size(), dictionary->bits.size()); ++id) {
-          if (std::popcount(seen ^ dictionary->bits[id]) > kMaxWrongBits) continue;
-          if (mirror) {
-            ++mirrored;
-            continue;
-          }
-          const Placement turn{turns, 0, 0};
-          const auto a = turn(label.first, label.second), b = turn(label.first + 1, label.second + 1);
-          ++votes[{turns, squares[id][0] - 1 - std::min(a[0], b[0]),
-                   squares[id][1] - 1 - std::min(a[1], b[1])}];
-        }
-      }
+    const bool upright = Vote(*bits, *dictionary, squares, label.first, label.second, false, votes),
+               turned_over =
+                   Vote(*bits, *dictionary, squares, -label.first - 1, label.second, true, mirrored);
+    read += upright || turned_over;
   }
-  const auto best = std::max_element(votes.begin(), votes.end(),
-                                     [](const auto& a, const auto& b) { return a.second < b.second; });
-  const int agreed = best == votes.end() ? 0 : best->second;
-  if (agreed < 2) {
+  const auto best = Best(votes), best_mirrored = Best(mirrored);
+  const int agreed = best == votes.end() ? 0 : best->second,
+            agreed_mirrored = best_mirrored == mirrored.end() ? 0 : best_mirrored->second;
+  const auto convincing = [&](int n) { return n >= kMinAgreed && n >= kMinAgreement * read; };
+  if (!convincing(agreed)) {
+    board.mirrored = convincing(agreed_mirrored) && agreed_mirrored >= kMinRead;
+    // Markers that are read well but place the board differently are those of another board.
+    board.codes_disagree = !board.mirrored && read >= kMinRead;
     AnchorByEnds(picture.width, picture.height, target, board);
-    board.mirrored = mirrored >= 3;
     return;
   }
   const Placement placement{best->first[0], best->first[1], best->first[2]};
@@ -143,8 +163,11 @@ void AnchorByMarkers(const GreyView& picture, const TargetSpec& target, BoardMar
     else
       ++board.num_rejected;
   }
+  // A whole side of corners beyond the target's: a layout whose ids are only shifted against the board's.
+  const std::size_t outside = board.marks.size() - kept.size();
+  board.codes_disagree = 2 * outside >= static_cast<std::size_t>(std::min(target.columns, target.rows));
   board.marks = kept;
-  board.anchored = true;
+  board.anchored = board.by_codes = true;
   // Codes say where a corner belongs, so nothing is to be counted.
   board.columns_seen = target.columns, board.rows_seen = target.rows;
 }

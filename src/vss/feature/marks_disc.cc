@@ -188,7 +188,8 @@ std::vector<LatticeLabel> Label(const std::vector<Blob>& blobs, const TargetSpec
   std::vector<LatticeLabel> best;
   const double expected = target.diameter_mm > 0 ? 2 * target.pitch_mm / target.diameter_mm : 0,
                seen = MedianNearestStep(blobs);
-  for (double s : {expected, seen}) {
+  // What is seen first: a wrong diameter in the target may let a diagonal pass for a row.
+  for (double s : {seen, expected}) {
     if (!(s > 2)) continue;  // discs that touch
     auto labels = LabelLattice(points, Neighbours(blobs, s, !target.distinguished.empty()));
     if (labels.size() > best.size()) best = std::move(labels), step = s;

@@ -1,5 +1,5 @@
-// Pictures of boards from geometry alone, for tests and benchmarks: what a camera of a given lens sees of a
-// given board.
+// Pictures from geometry alone, for tests and benchmarks: what a camera of a given lens sees of a given
+// board.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -8,6 +8,7 @@
 #include "vss/camera/lens.h"
 #include "vss/feature/marks.h"
 #include "vss/geometry/rigid_transform.h"
+#include "vss/image/marker_dictionary.h"
 
 namespace vss::synthetic {
 
@@ -17,11 +18,31 @@ struct Scene {
   double blur_px = 0.55;    // sigma of the lens's blur
   double noise_levels = 0;  // of 255
   unsigned seed = 1;
-  int subsamples = 4;  // a side
+  int subsamples = 4;     // a side
+  bool inverted = false;  // light discs on a dark board
+  double vignetting = 0;  // share of the light that the picture's corners lose
+  double exposure = 1;    // times the light; what exceeds 1 is cut off
 };
 
+// Is the marker of a coded square white at (x, y) of the square, both from 0 to 1? The ids follow the marked
+// squares row by row.
+inline bool MarkerWhite(const TargetSpec& t, const MarkerDictionary& markers, int c, int r, double x,
+                        double y) {
+  const double share = t.marker_mm / t.pitch_mm;
+  const int n = markers.side + 2, u = static_cast<int>(std::floor((x - 0.5 + 0.5 * share) / share * n)),
+            v = static_cast<int>(std::floor((y - 0.5 + 0.5 * share) / share * n));
+  if (u < 0 || v < 0 || u >= n || v >= n) return true;
+  if (u == 0 || v == 0 || u == n - 1 || v == n - 1) return false;
+  std::size_t id = 0;
+  for (int row = 0; row <= r; ++row)
+    for (int column = 0; column <= (row < r ? t.columns : c - 1); ++column)
+      id += (column + row) % 2 == (t.first_square_white ? 0 : 1);
+  return markers.White(id, v - 1, u - 1);
+}
+
 // Light of the board at a point of its plane: 0.08 to 0.9; the world beside the board is grey.
-inline double BoardLight(const TargetSpec& t, const Eigen::Vector2d& p) {
+inline double BoardLight(const TargetSpec& t, const Eigen::Vector2d& p,
+                         const MarkerDictionary* markers = nullptr) {
   constexpr double kDark = 0.08, kLight = 0.9, kBeside = 0.3;
   const double x = p.x() / t.pitch_mm, y = p.y() / t.pitch_mm,
                margin = t.pattern == TargetPattern::kDiscs ? 1.0 : 1.6;
@@ -38,28 +59,38 @@ inline double BoardLight(const TargetSpec& t, const Eigen::Vector2d& p) {
   const int c = static_cast<int>(std::floor(x)) + 1,
             r = static_cast<int>(std::floor(y)) + 1;  // square; 0, 0 at the top left
   if (c < 0 || r < 0 || c > t.columns || r > t.rows) return light;
-  return (c + r) % 2 == 0 ? kDark / kLight * light : light;
+  const bool dark = (c + r) % 2 == (markers && t.first_square_white ? 1 : 0) ||
+                    (markers && !MarkerWhite(t, *markers, c, r, x + 1 - c, y + 1 - r));
+  return dark ? kDark / kLight * light : light;
 }
 
-inline GreyImage Render(const Scene& s, const TargetSpec& target, const RigidTransform& cam_from_board) {
+// The picture of whatever sends `light(direction in cam)` to the camera.
+template <class Light>
+GreyImage Expose(const Scene& s, const Light& light) {
   const int w = s.width_px, h = s.height_px;
-  const RigidTransform board_from_cam = cam_from_board.Inverse();
+  // Rays of the pixels' corners; within a pixel a lens bends by less than 1e-6 of it.
+  std::vector<std::optional<Eigen::Vector2d>> corner(std::size_t(w + 1) * (h + 1));
+  for (int v = 0; v <= h; ++v)
+    for (int u = 0; u <= w; ++u)
+      corner[std::size_t(v) * (w + 1) + u] = s.lens.NormalizedFromImg({u - 0.5, v - 0.5});
   std::vector<double> sharp(std::size_t(w) * h), rows(sharp.size());
   for (int v = 0; v < h; ++v)
     for (int u = 0; u < w; ++u) {
+      const auto *above = &corner[std::size_t(v) * (w + 1) + u], *below = above + w + 1;
+      if (!above[0] || !above[1] || !below[0] || !below[1]) continue;
       double sum = 0;
       for (int j = 0; j < s.subsamples; ++j)
         for (int i = 0; i < s.subsamples; ++i) {
-          const auto n = s.lens.NormalizedFromImg(
-              {u + (i + 0.5) / s.subsamples - 0.5, v + (j + 0.5) / s.subsamples - 0.5});
-          if (!n) continue;
-          const Eigen::Vector3d d = board_from_cam.rotation * n->homogeneous();
-          const double along = -board_from_cam.translation.z() / d.z();
-          if (!(along > 0)) continue;
-          const Eigen::Vector3d p = board_from_cam.translation + along * d;
-          sum += BoardLight(target, p.head<2>());
+          // No two samples share a row or a column: an edge along either is as fine as one across.
+          const double n_side = s.subsamples, x = (i + (j + 0.5) / n_side) / n_side,
+                       y = (j + 1 - (i + 0.5) / n_side) / n_side;
+          const Eigen::Vector2d n =
+              (1 - y) * ((1 - x) * *above[0] + x * *above[1]) + y * ((1 - x) * *below[0] + x * *below[1]);
+          sum += light(Eigen::Vector3d(n.homogeneous()));
         }
-      sharp[std::size_t(v) * w + u] = sum / (s.subsamples * s.subsamples);
+      const double off = std::hypot(2.0 * u / (w - 1) - 1, 2.0 * v / (h - 1) - 1) / std::sqrt(2.0);
+      sharp[std::size_t(v) * w + u] =
+          s.exposure * (1 - s.vignetting * off * off) * sum / (s.subsamples * s.subsamples);
     }
   const int radius = static_cast<int>(std::ceil(4 * s.blur_px));
   std::vector<double> kernel;
@@ -86,6 +117,20 @@ inline GreyImage Render(const Scene& s, const TargetSpec& target, const RigidTra
       image.Row16(v)[u] = static_cast<std::uint16_t>(
           std::clamp(std::lround(65535 * (sharp[std::size_t(v) * w + u] + noise(random))), 0l, 65535l));
   return image;
+}
+
+inline GreyImage Render(const Scene& s, const TargetSpec& target, const RigidTransform& cam_from_board) {
+  const RigidTransform board_from_cam = cam_from_board.Inverse();
+  std::optional<MarkerDictionary> markers;
+  if (target.pattern == TargetPattern::kCharuco) markers = *PredefinedMarkers(target.dictionary);
+  return Expose(s, [&](const Eigen::Vector3d& in_cam) {
+    const Eigen::Vector3d d = board_from_cam.rotation * in_cam;
+    const double along = -board_from_cam.translation.z() / d.z();
+    if (!(along > 0)) return 0.0;
+    const Eigen::Vector3d p = board_from_cam.translation + along * d;
+    const double light = BoardLight(target, p.head<2>(), markers ? &*markers : nullptr);
+    return s.inverted ? 1 - light : light;
+  });
 }
 
 // A pose that looks at the board's middle from `distance_mm`, tilted by `tilt_rad` about the axis at

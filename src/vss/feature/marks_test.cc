@@ -57,6 +57,14 @@ Vector2d TrueEllipseCentre(const Scene& s, const TargetSpec& t, const RigidTrans
   return moment / (3 * area);
 }
 
+GreyImage Mirrored(const GreyImage& image) {
+  GreyImage mirror(image.width(), image.height(), 16);
+  const GreyView view = image.view();
+  for (int v = 0; v < image.height(); ++v)
+    for (int u = 0; u < image.width(); ++u) mirror.Row16(v)[u] = view.Row16(v)[image.width() - 1 - u];
+  return mirror;
+}
+
 template <class Truth>
 double RmsPerCoordinate(const BoardMarks& board, const Truth& truth) {
   double sum = 0;
@@ -96,6 +104,7 @@ TEST(Marks, ReportedSigmaIsTheScatter) {
   Scene s = SmallScene();
   s.width_px = s.height_px = 48;
   s.subsamples = 16;
+  s.noise_levels = 4;  // noise, not what the model of the blur leaves, makes the sigma
   s.lens.cx_px = 23.7, s.lens.cy_px = 24.4;
   TargetSpec t = Discs();
   const RigidTransform pose{Eigen::Matrix3d::Identity(), Vector3d(0, 0, 1200)};
@@ -139,14 +148,63 @@ TEST(Marks, DistinguishedDiscsTellHalfATurnAndAMirror) {
   EXPECT_TRUE(board->anchored);
   EXPECT_FALSE(board->mirrored);
   EXPECT_LT(RmsPerCoordinate(*board, [&](const Mark& m) { return TrueCorner(s, t, turned, m); }), 0.1);
-  const GreyImage image = Render(s, t, turned);
-  GreyImage mirror(s.width_px, s.height_px, 16);
-  const GreyView view = image.view();
-  for (int v = 0; v < s.height_px; ++v)
-    for (int u = 0; u < s.width_px; ++u) mirror.Row16(v)[u] = view.Row16(v)[s.width_px - 1 - u];
-  const auto seen = FindMarks(mirror.view(), t);
+  const auto seen = FindMarks(Mirrored(Render(s, t, turned)).view(), t);
   ASSERT_TRUE(seen) << seen.error().message;
   EXPECT_TRUE(seen->mirrored);
+}
+
+TargetSpec Charuco() {
+  TargetSpec t;
+  t.pattern = TargetPattern::kCharuco;
+  t.columns = 6, t.rows = 5, t.pitch_mm = 70, t.marker_mm = 46, t.dictionary = "4x4_50";
+  return t;
+}
+
+TEST(Marks, CodedCornersAreKnownHoweverTheBoardIsTurned) {
+  const Scene s = SmallScene();
+  for (bool white : {false, true})
+    for (double turn : {0.1, 1.7, 3.2, 4.8}) {
+      TargetSpec t = Charuco();
+      t.first_square_white = white;
+      const RigidTransform pose = BoardPose(t, 1200, 0.4, 0.9, turn);
+      const auto board = FindMarks(Render(s, t, pose).view(), t);
+      ASSERT_TRUE(board) << board.error().message;
+      EXPECT_EQ(board->marks.size(), 30u) << turn;
+      EXPECT_TRUE(board->by_codes && board->anchored && !board->mirrored);
+      EXPECT_LT(RmsPerCoordinate(*board, [&](const Mark& m) { return TrueCorner(s, t, pose, m); }), 0.03)
+          << turn;
+    }
+}
+
+TEST(Marks, CodedBoardPartlyOutOfViewKeepsItsLabels) {
+  const Scene s = SmallScene();
+  const TargetSpec t = Charuco();
+  const RigidTransform pose = BoardPose(t, 800, 0.4, 1.0, 0.6, {0.2, 0.15});
+  const auto board = FindMarks(Render(s, t, pose).view(), t);
+  ASSERT_TRUE(board) << board.error().message;
+  EXPECT_GT(board->marks.size(), 8u);
+  EXPECT_LT(board->marks.size(), 30u);
+  EXPECT_TRUE(board->by_codes);
+  EXPECT_LT(RmsPerCoordinate(*board, [&](const Mark& m) { return TrueCorner(s, t, pose, m); }), 0.03);
+}
+
+TEST(Marks, CodedBoardTellsAMirrorAndAnotherLayout) {
+  const Scene s = SmallScene();
+  const TargetSpec t = Charuco();
+  const GreyImage image = Render(s, t, BoardPose(t, 1200, 0.3, 0.4, 0.5));
+  const auto mirrored = FindMarks(Mirrored(image).view(), t);
+  ASSERT_TRUE(mirrored) << mirrored.error().message;
+  EXPECT_TRUE(mirrored->mirrored);
+  TargetSpec other = t;
+  other.first_square_white = true;
+  const auto seen = FindMarks(image.view(), other);
+  ASSERT_TRUE(seen) << seen.error().message;
+  EXPECT_TRUE(seen->codes_disagree && !seen->mirrored);
+  other = t;
+  other.columns = 8;
+  const auto wider = FindMarks(image.view(), other);
+  ASSERT_TRUE(wider) << wider.error().message;
+  EXPECT_TRUE(wider->codes_disagree);
 }
 
 TEST(Marks, PictureWithoutABoardSaysSo) {

@@ -87,6 +87,32 @@ Result<Gantry> ReadGantry(const TomlValue& table) {
   return gantry;
 }
 
+// The axes that the cameras' places were calibrated with. Where survey.toml gives its own, those count.
+Status TakeAxesOfCameras(const std::vector<NamedCamera>& cameras, bool own_axes, Survey& survey) {
+  constexpr double kSame = 1e-9, kNear = 1e-4;  // kNear: 0.1 mm a metre, about what a calibration knows
+  const NamedCamera* first = nullptr;
+  for (const auto& c : cameras) {
+    if (!c.camera.gantry_axes) continue;
+    const auto& axes = *c.camera.gantry_axes;
+    if (own_axes) {
+      if ((axes - survey.gantry.axes).cwiseAbs().maxCoeff() > kNear)
+        survey.warnings.push_back(
+            fmt::format("camera {}: {} was calibrated with other gantry axes than survey.toml gives; those "
+                        "of survey.toml "
+                        "are used, so take them out where the camera files are newer",
+                        c.camera.id, c.path.filename().string()));
+      continue;
+    }
+    if (first && (axes - *first->camera.gantry_axes).cwiseAbs().maxCoeff() > kSame)
+      return InputError(
+          "{}: its gantry axes are not those of {}; take cameras of one calibration, or write the axes into "
+          "survey.toml under [gantry]",
+          c.path.string(), first->path.string());
+    if (!first) first = &c, survey.gantry.axes = axes;
+  }
+  return {};
+}
+
 // [parameters]: quoted names ("lines.min_length_px" = 20) and dotted ones alike.
 Status ReadParameters(const TomlValue& table, const std::string& prefix, std::map<std::string, double>& out) {
   VSS_ASSIGN(const TomlValue::Table* rows, table.AsTable());
@@ -190,8 +216,9 @@ void KeepCameras(const std::vector<NamedCamera>& cameras, Survey& survey) {
   }
   for (const auto& camera : survey.cameras) {
     if (!camera.quality) continue;
+    const std::string name = fmt::format("camera {}: ", camera.id);
     for (const auto& warning : camera.quality->warnings)
-      survey.warnings.push_back(fmt::format("camera {}: {}", camera.id, warning));
+      survey.warnings.push_back(warning.starts_with(name) ? warning : name + warning);
   }
 }
 
@@ -220,9 +247,12 @@ Result<Survey> ReadSurvey(const fs::path& folder_or_file, const std::optional<fs
   if (const TomlValue* knowledge = file.Find("knowledge")) {
     VSS_ASSIGN(survey.knowledge, knowledge->AsTexts());
   }
+  bool own_axes = false;
   if (const TomlValue* gantry = file.Find("gantry")) {
     VSS_ASSIGN(survey.gantry, ReadGantry(*gantry));
+    own_axes = gantry->Find("axes");
   }
+  VSS_RETURN_IF_ERROR(TakeAxesOfCameras(cameras, own_axes, survey));
   if (const TomlValue* parameters = file.Find("parameters")) {
     VSS_RETURN_IF_ERROR(ReadParameters(*parameters, "", survey.parameters));
   }
