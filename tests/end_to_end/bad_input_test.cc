@@ -170,6 +170,74 @@ TEST(BadInput, CtrlCStopsWithNothingWritten) {
   EXPECT_FALSE(fs::exists(scratch / "out"));
 }
 
+TEST(BadInput, LinesOfBadPicturesAreOneSentenceAndNothingIsWritten) {
+  const Scratch scratch;
+  const std::string good = (kSample / kFirst).string(), camera = (kSample / "cameras/cam1.toml").string();
+  WriteAll(scratch / "empty.png", "");
+  WriteAll(scratch / "text.png", "# a text\n");
+  WriteAll(scratch / "cut.png", ReadAll(good).substr(0, 3000));
+  WriteAll(scratch / "file", "in the way");
+  ASSERT_TRUE(WritePng(scratch / "small.png", GreyImage(100, 100, 8).view()));
+  ASSERT_TRUE(WritePng(scratch / "black.png", GreyImage(512, 512, 8).view()));
+  fs::create_directories(scratch / "no-survey");
+  struct Case {
+    std::vector<std::string> arguments;
+    const char *place, *remedy;
+  };
+  const auto file = [&](const char* name) { return (scratch / name).string(); };
+  const Case cases[] = {
+      {{file("none.png")}, "none.png", "check the name"},
+      {{file("empty.png")}, "empty.png", "is needed"},
+      {{file("text.png")}, "text.png", "not a picture"},
+      {{good, file("cut.png")}, "cut.png", "copy the file again"},
+      {{file("black.png")}, "black.png", "take it again"},
+      {{file("small.png"), "--camera", camera}, "small.png", "name the camera that took it"},
+      {{good, "--camera", file("none.toml")}, "none.toml", "check the name"},
+      {{file("no-survey")}, "no-survey", "name the folder of a survey"}};
+  for (const Case& c : cases) {
+    std::vector<std::string> arguments{"lines", "-o", file("out"), "--progress", "none"};
+    arguments.insert(arguments.end(), c.arguments.begin(), c.arguments.end());
+    const Outcome run = RunProgram(scratch, arguments);
+    EXPECT_EQ(run.exit_code, 1) << c.place;
+    EXPECT_THAT(run.err, HasSubstr(c.place));
+    EXPECT_THAT(run.err, HasSubstr(c.remedy));
+    EXPECT_EQ(std::count(run.err.begin(), run.err.end(), '\n'), 1) << run.err;
+    EXPECT_FALSE(fs::exists(scratch / "out")) << c.place;
+  }
+  const Outcome blocked = RunProgram(scratch, {"lines", good, "-o", file("file"), "--progress", "none"});
+  EXPECT_EQ(blocked.exit_code, 1);
+  EXPECT_THAT(blocked.err, HasSubstr("name another with -o"));
+  EXPECT_EQ(ReadAll(scratch / "file"), "in the way");
+}
+
+TEST(BadInput, KnowledgeCheckNamesFileLineAndRemedy) {
+  const Scratch scratch;
+  MakeSmallSurvey(scratch / "survey");
+  const std::string kb = (scratch / "survey/my.kb").string(), good = ReadAll(kb);
+  EXPECT_EQ(RunProgram(scratch, {"knowledge", "check", kb}).exit_code, 0);
+  struct Case {
+    const char *from, *to, *place, *remedy;
+  };
+  const Case cases[] = {{"extrude x from", "extrude x form", "my.kb:3:", "expected 'from'"},
+                        {"  extrude", "  let a = b\n  let b = a\n  extrude", "my.kb:", "run in a circle"},
+                        {"c (w/2", "c (q/2", "my.kb:4:", "'q' is not known"},
+                        {"10 mm .. 1 m", "1 m .. 10 mm", "my.kb:2:", "write the smaller end first"},
+                        {"object slab", "\xc3\xa9 slab", "my.kb:1:", "plain ASCII"}};
+  for (const Case& c : cases) {
+    WriteAll(kb, good);
+    Replace(kb, c.from, c.to);
+    const Outcome run = RunProgram(scratch, {"knowledge", "check", kb});
+    EXPECT_EQ(run.exit_code, 1) << c.place;
+    EXPECT_THAT(run.err, HasSubstr(c.place));
+    EXPECT_THAT(run.err, HasSubstr(c.remedy));
+    EXPECT_EQ(std::count(run.err.begin(), run.err.end(), '\n'), 1) << run.err;
+  }
+  WriteAll(kb, "");
+  EXPECT_THAT(RunProgram(scratch, {"knowledge", "check", kb}).err, HasSubstr("my.kb:1:"));
+  fs::remove(kb);
+  EXPECT_THAT(RunProgram(scratch, {"knowledge", "check", kb}).err, HasSubstr("check the name"));
+}
+
 TEST(BadInput, MachinesReadTheErrorToo) {
   const Scratch scratch;
   const Outcome run = RunProgram(

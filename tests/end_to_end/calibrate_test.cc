@@ -57,6 +57,14 @@ const fs::path& Pictures() {
       const auto pose = BoardPose(Board(), 900 + 70 * (i % 3), RadFromDeg(22 + 3 * i), 1.7 * i, 0.3 * i, at);
       EXPECT_TRUE(WritePng(f / "board" / fmt::format("b{}.png", i), Render(s, Board(), pose).view()));
     }
+    // The board stands still while the gantry moves.
+    const auto still = BoardPose(Board(), 1500, 0.4, 0.6, 0.2);
+    fs::create_directories(f / "still");
+    for (int i = 0; i < 3; ++i) {
+      RigidTransform pose = still;
+      pose.translation -= Vector3d(100.0 * i, -40.0 * i, 0);
+      EXPECT_TRUE(WritePng(f / "still" / fmt::format("s{}.png", i), Render(s, Board(), pose).view()));
+    }
     for (std::size_t i = 0; i < kStops.size(); ++i) {
       RigidTransform place = Place();
       place.translation -= place.rotation * kStops[i];
@@ -124,6 +132,18 @@ TEST(Calibration, FromPicturesToCameraFilesWithBothModels) {
     EXPECT_EQ(json["cameras"][0]["id"], "cam1");
     EXPECT_THAT(ReadAll(scratch / "out/report.html"), HasSubstr("cam1"));
   }
+}
+
+TEST(Calibration, ABoardThatStandsStillWhileTheGantryMovesConfirmsItsPitch) {
+  const Scratch scratch;
+  MakeJob(scratch / "job");
+  Replace(
+      scratch / "job/calibration.toml", "\"board/*.png\"",
+      "\"board/*.png\", { file = \"still/s0.png\", gantry = [0, 0, 0] }, { file = \"still/s1.png\", gantry = "
+      "[100, -40, 0] }");
+  const Outcome run = Calibrated(scratch);
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("9 views"));
 }
 
 TEST(Calibration, SameInputGivesTheSameBytesWithAnyNumberOfThreads) {
@@ -324,6 +344,17 @@ INSTANTIATE_TEST_SUITE_P(
                "camera cam1", "needs at least 3"},
         BadJob{"WrongDiscSize", InJob("diameter = 36.0", "diameter = 28.0"), "camera cam1",
                "measure pitch and diameter"},
+        BadJob{"WrongPitchByKnownMoves",
+               [](const fs::path& j) {
+                 Replace(
+                     j / "calibration.toml", "\"board/*.png\"",
+                     "\"board/*.png\", { file = \"still/s0.png\", gantry = [0, 0, 0] }, { file = "
+                     "\"still/s1.png\", gantry = [100, -40, 0] }, { file = \"still/s2.png\", gantry = [200, "
+                     "-80, 0] }");
+                 Replace(j / "calibration.toml", "pitch = 70.0, diameter = 36.0",
+                         "pitch = 73.5, diameter = 37.8");
+               },
+               "4.8 % smaller than its pitch of 73.5 mm", "measure the pitch"},
         BadJob{"TwoViews", InJob("\"board/*.png\"", "\"board/b0.png\", \"board/b1.png\""), "2 of 2 pictures",
                "different directions"},
         BadJob{"WrongPixelAspect", InJob("[0.01, 0.01]", "[0.01, 0.012]"), "camera cam1",

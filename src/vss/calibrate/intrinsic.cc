@@ -113,6 +113,14 @@ Status CheckDiscSize(const std::string& camera, const TargetSpec& target,
   return {};
 }
 
+bool OnOneLine(const std::vector<Mark>& marks) {
+  const auto same = [&](auto member) {
+    return std::all_of(marks.begin(), marks.end(),
+                       [&](const Mark& m) { return m.*member == marks[0].*member; });
+  };
+  return same(&Mark::column) || same(&Mark::row);
+}
+
 // ---- Views ----
 
 struct Views {
@@ -401,6 +409,36 @@ Status CheckAspect(const std::string& camera, const Intrinsics& lens, const Vect
         fmt::format("camera {}: the picture is {:.1f} % wider than the pixel pitch says; where the data "
                     "sheet is sure, measure the target's pitch along rows and columns",
                     camera, 100 * (seen / given - 1)));
+  return {};
+}
+
+// A board whose rows are farther apart than its columns: turned in its plane from view to view it cannot be
+// taken for pixels that are not square, and the marks fit better with the distances that it really has.
+Status CheckBoardAspect(const std::string& camera, const std::vector<BoardView>& views,
+                        const BoardProblemOptions& problem, const BoardSolution& solution,
+                        IntrinsicResult& result) {
+  constexpr double kStep = 0.01;                  // of the distance of the rows
+  constexpr double kMinGain = 0.5;                // of the squared residual
+  constexpr double kWarn = 2e-3, kRefuse = 1e-2;  // what a printer does, and what it does not
+  const auto cost = [&](double stretch) {
+    std::vector<BoardView> stretched = views;
+    for (auto& view : stretched)
+      for (auto& p : view.point_in_board) p.y() *= 1 + stretch;
+    const auto solved = SolveBoards(stretched, problem, nullptr, &solution);
+    return solved ? solved->rms_px * solved->rms_px : std::numeric_limits<double>::infinity();
+  };
+  const double here = solution.rms_px * solution.rms_px, low = cost(-kStep), high = cost(kStep);
+  const double bend = low + high - 2 * here;
+  if (!std::isfinite(bend) || !(bend > 0)) return {};
+  const double stretch = 0.5 * kStep * (low - high) / bend;  // the parabola's foot
+  if (std::abs(stretch) < kWarn || cost(stretch) > kMinGain * here) return {};
+  const std::string words = fmt::format(
+      "camera {}: the board's rows are {:.1f} % {} apart than its columns by the marks, but the target has "
+      "one pitch "
+      "for both; print the board at the same scale both ways, or measure the pitch along rows and columns",
+      camera, 100 * std::abs(stretch), stretch > 0 ? "farther" : "less far");
+  if (std::abs(stretch) > kRefuse) return InputError("{}", words);
+  result.warnings.push_back(words);
   return {};
 }
 
@@ -727,6 +765,10 @@ Result<IntrinsicResult> CalibrateIntrinsics(const std::string& camera, const Tar
   for (auto& p : pictures)
     if (p.why_unusable.empty() && p.board.marks.size() < kMinMarksInView)
       p.why_unusable = fmt::format("shows {} marks, fewer than {}", p.board.marks.size(), kMinMarksInView);
+  for (auto& p : pictures)
+    if (p.why_unusable.empty() && OnOneLine(p.board.marks))
+      p.why_unusable =
+          fmt::format("its {} marks lie on one line, which says nothing of the plane", p.board.marks.size());
   result.width_px = pictures[0].width_px, result.height_px = pictures[0].height_px;
 
   BoardProblemOptions& problem = result.problem;
@@ -737,6 +779,7 @@ Result<IntrinsicResult> CalibrateIntrinsics(const std::string& camera, const Tar
   problem.width_px = result.width_px, problem.height_px = result.height_px;
   VSS_ASSIGN(Robust robust, Solver(camera, target, options, pictures, result).Run(problem));
   VSS_RETURN_IF_ERROR(CheckGeometry(camera, options, robust.corrected, problem, robust.solution));
+  VSS_RETURN_IF_ERROR(CheckBoardAspect(camera, robust.corrected, problem, robust.solution, result));
   Halves halves = HoldOut(robust.corrected, problem, robust.solution);
   if (options.choose_terms) ChooseTerms(options, robust.corrected, problem, robust.solution, halves, result);
 

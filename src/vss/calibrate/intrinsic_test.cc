@@ -81,8 +81,21 @@ TEST(Intrinsic, WengsModelDescribesABrownLensToAHundredthOfAPixel) {
   EXPECT_LT(LensDifference(kLens, r->intrinsics, 512, 512).rms, 0.05);
 }
 
-TEST(Intrinsic, RefusesTwoViews) {
-  EXPECT_NE(Refusal(GoodPictures(2)).find("at least 3"), std::string::npos) << Refusal(GoodPictures(2));
+TEST(Intrinsic, RefusesOneViewAndTwo) {
+  for (int views : {1, 2}) {
+    const std::string said = Refusal(GoodPictures(views));
+    EXPECT_NE(said.find(fmt::format(
+                  "{} of {} pictures show a usable board, but a calibration needs at least 3", views, views)),
+              std::string::npos)
+        << said;
+  }
+}
+
+TEST(Intrinsic, RefusesMarksOnOneLine) {
+  auto pictures = GoodPictures();
+  for (auto& p : pictures) std::erase_if(p.board.marks, [](const Mark& m) { return m.row != 3; });
+  const std::string said = Refusal(pictures);
+  EXPECT_NE(said.find("on one line"), std::string::npos) << said;
 }
 
 TEST(Intrinsic, RefusesNoPicture) { EXPECT_NE(Refusal({}).find("no picture"), std::string::npos); }
@@ -140,7 +153,26 @@ TEST(Intrinsic, RefusesAWrongAspectOfTheBoard) {
   // Alike turned, so that a stretched board passes for stretched pixels: the data sheet tells.
   for (int i = 0; i < 8; ++i)
     pictures.push_back(Picture(i, Pose(20 + 3 * i, 2.4 * i, 0, 640), 0.03, 9, 7, {58, 50}));
-  EXPECT_NE(Refusal(pictures), "accepted");
+  const std::string said = Refusal(pictures);
+  EXPECT_NE(said.find("the same along rows and columns"), std::string::npos) << said;
+  // Turned in its plane, the board tells by itself.
+  for (double stretch : {1.02, 0.97}) {
+    pictures.clear();
+    for (int i = 0; i < 8; ++i)
+      pictures.push_back(Picture(i, Pose(20 + 3 * i, 2.4 * i, 0.4 * i, 640), 0.03, 9, 7, {50, 50 * stretch}));
+    const std::string turned = Refusal(pictures, Board(), {0, 0});
+    EXPECT_NE(turned.find(stretch > 1 ? "2.0 % farther apart" : "3.0 % less far apart"), std::string::npos)
+        << turned;
+  }
+}
+
+TEST(Intrinsic, WarnsOfABoardThatIsAThousandthsPartOff) {
+  std::vector<BoardPicture> pictures;
+  for (int i = 0; i < 8; ++i)
+    pictures.push_back(Picture(i, Pose(20 + 3 * i, 2.4 * i, 0.4 * i, 640), 0.03, 9, 7, {50, 50.2}));
+  const auto r = CalibrateIntrinsics("cam1", Board(), pictures, {0, 0}, {});
+  ASSERT_TRUE(r) << r.error().message;
+  EXPECT_TRUE(Mentions(r->warnings, "0.4 % farther apart"));
 }
 
 TEST(Intrinsic, RefusesMixedPictureSizes) {

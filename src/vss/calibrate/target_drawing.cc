@@ -9,6 +9,10 @@ namespace {
 
 struct Rectangle {
   double x, y, width, height;  // mm, from the top left
+};
+// Rectangles of one grey, drawn as one figure: no hairline between neighbours.
+struct Figure {
+  std::vector<Rectangle> rectangles;
   bool dark;
 };
 struct Disc {
@@ -16,7 +20,7 @@ struct Disc {
 };
 struct Drawing {
   double width_mm = 0, height_mm = 0;
-  std::vector<Rectangle> rectangles;  // in the order of drawing
+  std::vector<Figure> figures;  // in the order of drawing
   std::vector<Disc> discs;
   std::string caption;
 };
@@ -47,19 +51,28 @@ Status DrawSquares(const TargetSpec& t, double margin, Drawing& d) {
       const double x = margin + c * t.pitch_mm, y = margin + r * t.pitch_mm;
       const bool marked = (c + r) % 2 == (t.first_square_white ? 0 : 1);
       if (!marked) {
-        d.rectangles.push_back({x, y, t.pitch_mm, t.pitch_mm, true});
+        d.figures.push_back({{{x, y, t.pitch_mm, t.pitch_mm}}, true});
         continue;
       }
       if (!markers) continue;
       const double gap = 0.5 * (t.pitch_mm - t.marker_mm), bit = t.marker_mm / (markers->side + 2);
-      d.rectangles.push_back({x + gap, y + gap, t.marker_mm, t.marker_mm, true});
+      d.figures.push_back({{{x + gap, y + gap, t.marker_mm, t.marker_mm}}, true});
+      Figure white{{}, false};
       for (int v = 0; v < markers->side; ++v)
         for (int u = 0; u < markers->side; ++u)
           if (markers->White(id, v, u))
-            d.rectangles.push_back({x + gap + (u + 1) * bit, y + gap + (v + 1) * bit, bit, bit, false});
+            white.rectangles.push_back({x + gap + (u + 1) * bit, y + gap + (v + 1) * bit, bit, bit});
+      d.figures.push_back(white);
       ++id;
     }
   return {};
+}
+
+// mm: small beside the marks, and the whole line on the sheet.
+double CaptionSize(const TargetSpec& t, const Drawing& d) {
+  constexpr double kLetterShare = 0.62;  // width over height of a letter, in the mean of a broad sans serif
+  return std::min(
+      {5.0, 0.2 * t.pitch_mm, d.width_mm / (kLetterShare * (static_cast<double>(d.caption.size()) + 6))});
 }
 
 Result<Drawing> Draw(const TargetSpec& t) {
@@ -101,12 +114,15 @@ Result<std::string> TargetToSvg(const TargetSpec& target) {
       "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}mm\" height=\"{1}mm\" viewBox=\"0 0 {0} "
       "{1}\">\n<title>{2}</title>\n<rect width=\"{0}\" height=\"{1}\" fill=\"#fff\"/>\n",
       d.width_mm, d.height_mm, d.caption);
-  for (const auto& r : d.rectangles)
-    svg += fmt::format("<rect x=\"{:.6g}\" y=\"{:.6g}\" width=\"{:.6g}\" height=\"{:.6g}\" fill=\"{}\"/>\n",
-                       r.x, r.y, r.width, r.height, r.dark ? "#000" : "#fff");
+  for (const auto& figure : d.figures) {
+    svg += fmt::format("<path fill=\"{}\" d=\"", figure.dark ? "#000" : "#fff");
+    for (const auto& r : figure.rectangles)
+      svg += fmt::format("M{:.6g} {:.6g}h{:.6g}v{:.6g}h{:.6g}z", r.x, r.y, r.width, r.height, -r.width);
+    svg += "\"/>\n";
+  }
   for (const auto& c : d.discs)
     svg += fmt::format("<circle cx=\"{:.6g}\" cy=\"{:.6g}\" r=\"{:.6g}\"/>\n", c.x, c.y, c.radius);
-  const double size = std::min(5.0, 0.2 * target.pitch_mm);
+  const double size = CaptionSize(target, d);
   svg += fmt::format(
       "<text x=\"{:.6g}\" y=\"{:.6g}\" font-family=\"sans-serif\" font-size=\"{:.3g}\">VSS "
       "{}</text>\n</svg>\n",
@@ -120,9 +136,12 @@ Result<std::string> TargetToPdf(const TargetSpec& target) {
   constexpr double kCircle = 0.5522847498;  // of a Bezier quarter of a circle
   const double height = d.height_mm;
   std::string page = fmt::format("{0:.8f} 0 0 {0:.8f} 0 0 cm\n", kPoint);
-  for (const auto& r : d.rectangles)
-    page += fmt::format("{} g {:.6f} {:.6f} {:.6f} {:.6f} re f\n", r.dark ? 0 : 1, r.x,
-                        height - r.y - r.height, r.width, r.height);
+  for (const auto& figure : d.figures) {
+    page += figure.dark ? "0 g" : "1 g";
+    for (const auto& r : figure.rectangles)
+      page += fmt::format(" {:.6f} {:.6f} {:.6f} {:.6f} re", r.x, height - r.y - r.height, r.width, r.height);
+    page += " f\n";
+  }
   page += "0 g\n";
   for (const auto& c : d.discs) {
     const double x = c.x, y = height - c.y, r = c.radius, k = kCircle * r;
@@ -133,7 +152,7 @@ Result<std::string> TargetToPdf(const TargetSpec& target) {
         x + r, y, x + r, y + k, x + k, y + r, x, y + r, x - k, y + r, x - r, y + k, x - r, y, x - r, y - k,
         x - k, y - r, x, y - r, x + k, y - r, x + r, y - k, x + r, y);
   }
-  const double size = std::min(5.0, 0.2 * target.pitch_mm);
+  const double size = CaptionSize(target, d);
   page += fmt::format("BT /F1 {:.3f} Tf {:.3f} {:.3f} Td (VSS {}) Tj ET\n", size, size, 0.6 * size, [&] {
     std::string text;
     for (char c : d.caption) text += c == '(' || c == ')' ? std::string("\\") + c : std::string(1, c);
