@@ -418,6 +418,7 @@ Status CheckBoardAspect(const std::string& camera, const std::vector<BoardView>&
                         const BoardProblemOptions& problem, const BoardSolution& solution,
                         IntrinsicResult& result) {
   constexpr double kStep = 0.01;                  // of the distance of the rows
+  constexpr double kMaxStretch = 0.5;             // more is another fault
   constexpr double kMinGain = 0.5;                // of the squared residual
   constexpr double kWarn = 2e-3, kRefuse = 1e-2;  // what a printer does, and what it does not
   const auto cost = [&](double stretch) {
@@ -427,11 +428,16 @@ Status CheckBoardAspect(const std::string& camera, const std::vector<BoardView>&
     const auto solved = SolveBoards(stretched, problem, nullptr, &solution);
     return solved ? solved->rms_px * solved->rms_px : std::numeric_limits<double>::infinity();
   };
-  const double here = solution.rms_px * solution.rms_px, low = cost(-kStep), high = cost(kStep);
-  const double bend = low + high - 2 * here;
-  if (!std::isfinite(bend) || !(bend > 0)) return {};
-  const double stretch = 0.5 * kStep * (low - high) / bend;  // the parabola's foot
-  if (std::abs(stretch) < kWarn || cost(stretch) > kMinGain * here) return {};
+  const double here = solution.rms_px * solution.rms_px;
+  double stretch = 0;
+  for (double step : {kStep, kStep, kStep / 5}) {  // towards the foot of the parabola through three costs
+    const double low = cost(stretch - step), high = cost(stretch + step),
+                 bend = low + high - 2 * (stretch == 0 ? here : cost(stretch));
+    if (!std::isfinite(bend) || !(bend > 0)) return {};
+    stretch += 0.5 * step * (low - high) / bend;
+    if (std::abs(stretch) < kWarn || std::abs(stretch) > kMaxStretch) return {};
+  }
+  if (cost(stretch) > kMinGain * here) return {};
   const std::string words = fmt::format(
       "camera {}: the board's rows are {:.1f} % {} apart than its columns by the marks, but the target has "
       "one pitch "
