@@ -24,27 +24,93 @@ bool Meets(const Vector3d& eye, const Vector3d& d, double limit, const std::arra
   return along > 0 && along < limit;
 }
 
+// Is the front of the triangle turned to `eye`?
+bool Toward(const std::array<Vector3d, 3>& t, const Vector3d& eye) {
+  return (t[1] - t[0]).cross(t[2] - t[0]).dot(eye - t[0]) > 0;
+}
+
 // A point on an edge lies on its own faces: rays stop this far before it, so that it does not hide itself.
 constexpr double kSelfMarginMm = 0.5;
+
+// What can hide, as a picture shows it: triangles in `ideal` px, the inverse depth an affine function there.
+class Screen {
+ public:
+  void Add(const View& view, const std::array<Vector3d, 3>& triangle) {
+    constexpr double kMinDepthMm = 1.0;
+    const auto& k = view.camera->intrinsics;
+    Triangle t;
+    Vector2d p[3];
+    double inverse[3];
+    for (int i = 0; i < 3; ++i) {
+      const Vector3d c = view.cam_from_world * triangle[std::size_t(i)];
+      if (c.z() < kMinDepthMm) {  // reaches behind the camera
+        near_.push_back(triangle);
+        return;
+      }
+      p[i] = {k.fx_px * c.x() / c.z() + k.cx_px, k.fy_px * c.y() / c.z() + k.cy_px};
+      inverse[i] = 1 / c.z();
+    }
+    const double area = (p[1] - p[0]).x() * (p[2] - p[0]).y() - (p[1] - p[0]).y() * (p[2] - p[0]).x();
+    if (std::abs(area) < 1e-9) return;
+    t.lo = p[0].cwiseMin(p[1]).cwiseMin(p[2]);
+    t.hi = p[0].cwiseMax(p[1]).cwiseMax(p[2]);
+    // Barycentric coordinates as affine functions of the place.
+    for (int i = 0; i < 3; ++i) {
+      const Vector2d &a = p[(i + 1) % 3], &b = p[(i + 2) % 3];
+      t.share[i] = Vector3d(a.y() - b.y(), b.x() - a.x(), a.x() * b.y() - a.y() * b.x()) / area;
+    }
+    t.inverse_depth = inverse[0] * t.share[0] + inverse[1] * t.share[1] + inverse[2] * t.share[2];
+    triangles_.push_back(t);
+  }
+
+  // Does anything hide the point, which projects to `ideal` at `depth`, from more than `margin` (a share of
+  // the distance) before it?
+  bool Hides(const Vector2d& ideal, double depth, double margin, const Vector3d& eye,
+             const Vector3d& point) const {
+    const double least = 1 / (depth * (1 - margin));
+    const Vector3d at(ideal.x(), ideal.y(), 1);
+    for (const auto& t : triangles_) {
+      if (ideal.x() < t.lo.x() || ideal.x() > t.hi.x() || ideal.y() < t.lo.y() || ideal.y() > t.hi.y())
+        continue;
+      if (t.inverse_depth.dot(at) <= least) continue;
+      if (t.share[0].dot(at) >= 0 && t.share[1].dot(at) >= 0 && t.share[2].dot(at) >= 0) return true;
+    }
+    for (const auto& t : near_)
+      if (Meets(eye, point - eye, 1 - margin, t)) return true;
+    return false;
+  }
+
+ private:
+  struct Triangle {
+    Vector2d lo, hi;
+    Vector3d share[3];
+    Vector3d inverse_depth;
+  };
+  std::vector<Triangle> triangles_;
+  std::vector<std::array<Vector3d, 3>> near_;
+};
 
 struct Sampler {
   const WorldSolid& solid;
   const View& view;
-  double spacing_px;
-  int min_samples;
-  const Occluders* others;
-  double touch_mm;
-  std::vector<const std::array<Vector3d, 3>*> self;  // triangles that may hide the solid's own contour
+  const ContourSampling& sampling;
+  Screen self, others;
   std::vector<bool> front;
   std::vector<ContourSample> samples;
 
-  Sampler(const WorldSolid& s, const View& v, double spacing, int least, const Occluders* o, double touch)
-      : solid(s), view(v), spacing_px(spacing), min_samples(least), others(o), touch_mm(touch) {
+  Sampler(const WorldSolid& s, const View& v, const ContourSampling& how, const Occluders* around)
+      : solid(s), view(v), sampling(how) {
     front.resize(solid.faces.size());
     for (std::size_t i = 0; i < solid.faces.size(); ++i) {
       const auto& f = solid.faces[i];
       front[i] = f.is_cylinder || f.triangles.empty() ||
                  f.normal_in_part.dot(view.center_in_world - f.triangles[0][0]) > 0;
+    }
+    if (!sampling.visibility) return;
+    if (around) {
+      std::vector<const std::array<Vector3d, 3>*> facing;
+      around->Facing(view.center_in_world, facing);
+      for (const auto* t : facing) others.Add(view, *t);
     }
     // A convex solid hides its own contour only by faces turned away; any other by faces turned to the
     // camera, which a ray from there meets first.
@@ -53,7 +119,7 @@ struct Sampler {
     if (convex) return;
     for (const auto& f : solid.faces)
       for (const auto& t : f.triangles)
-        if ((t[1] - t[0]).cross(t[2] - t[0]).dot(view.center_in_world - t[0]) > 0) self.push_back(&t);
+        if (Toward(t, view.center_in_world)) self.Add(view, t);
   }
 
   bool FaceFront(int face, const Vector3d& at) const {
@@ -64,38 +130,49 @@ struct Sampler {
     return (f.is_hole ? -1.0 : 1.0) * out.dot(view.center_in_world - at) > 0;
   }
 
-  bool HidesItself(const Vector3d& point) const {
-    const Vector3d d = point - view.center_in_world;
-    const double limit = 1 - kSelfMarginMm / std::max(d.norm(), kSelfMarginMm);
-    return std::any_of(self.begin(), self.end(),
-                       [&](const auto* t) { return Meets(view.center_in_world, d, limit, *t); });
-  }
-
-  // `lift` (mm): where the ray that asks for visibility ends, against the sample's own point.
-  void Add(ContourSample sample, const Vector3d& tangent, int face_a, int face_b,
+  // `step_mm`: the contour's piece. `lift` (mm): where the ray that asks for visibility ends, against the
+  // sample's own point.
+  void Add(ContourSample sample, const Vector3d& tangent, double step_mm, int face_a, int face_b,
            const Vector3d& lift = Vector3d::Zero()) {
+    constexpr double kMinDepthMm = 1.0;
     const bool a = FaceFront(face_a, sample.point_in_world), b = FaceFront(face_b, sample.point_in_world);
     if (!a && !b && sample.source != ContourSample::Source::kLimb) return;
-    const auto img = view.ProjectInside(sample.point_in_world);
-    if (!img) return;
-    const auto ideal = view.ProjectIdeal(sample.point_in_world);
-    const double step = 1e-3 * (sample.point_in_world - view.center_in_world).norm();
-    const auto ahead = view.ProjectIdeal(sample.point_in_world + step * tangent);
-    if (!ideal || !ahead) return;
-    const Vector2d direction = *ahead - *ideal;
-    if (direction.norm() < 1e-9) return;
-    sample.img = *img;
-    sample.ideal = *ideal;
-    sample.ideal_tangent = direction.normalized();
+    const auto& k = view.camera->intrinsics;
+    const Vector3d p = view.cam_from_world * sample.point_in_world;
+    if (p.z() < kMinDepthMm) return;
+    const Vector2d normalized(p.x() / p.z(), p.y() / p.z());
+    sample.ideal = k.IdealFromNormalized(normalized);
+    if (!view.maybe_inside.contains(sample.ideal)) return;
+    if (sampling.img || !view.surely_inside.contains(sample.ideal)) {
+      const auto img = view.ProjectInside(sample.point_in_world);
+      if (!img) return;
+      sample.img = *img;
+    }
+    const Vector3d d = view.cam_from_world.rotation * tangent;
+    const Vector2d direction(k.fx_px * (d.x() - normalized.x() * d.z()),
+                             k.fy_px * (d.y() - normalized.y() * d.z()));
+    const double length = direction.norm();
+    if (length < 1e-9 * k.fx_px) return;
+    sample.ideal_tangent = direction / length;
+    sample.step_px = step_mm * length / p.z();
     sample.silhouette = a != b || sample.source == ContourSample::Source::kLimb;
-    const Vector3d target = sample.point_in_world + lift;
-    sample.visible =
-        !HidesItself(target) && (!others || others->Free(view.center_in_world, target, touch_mm));
+    sample.visible = true;
+    if (sampling.visibility) {
+      const bool lifted = !lift.isZero(0);
+      const Vector3d q = lifted ? Vector3d(view.cam_from_world * (sample.point_in_world + lift)) : p;
+      const Vector2d ideal = lifted ? k.IdealFromNormalized({q.x() / q.z(), q.y() / q.z()}) : sample.ideal;
+      const Vector3d target = sample.point_in_world + lift;
+      const double distance = std::max(q.norm(), 1.0);
+      auto margin = [&](double mm) { return std::min(mm / distance, 0.5); };
+      sample.visible = !self.Hides(ideal, q.z(), margin(kSelfMarginMm), view.center_in_world, target) &&
+                       !others.Hides(ideal, q.z(), margin(sampling.touch_mm), view.center_in_world, target);
+    }
     samples.push_back(sample);
   }
 
   int Count(double length_px) const {
-    return std::max(min_samples, static_cast<int>(length_px / spacing_px));
+    return std::clamp(static_cast<int>(length_px / sampling.spacing_px), sampling.min_samples,
+                      sampling.max_samples);
   }
 
   double LengthPx(const Vector3d& a, const Vector3d& b) const {
@@ -109,13 +186,14 @@ struct Sampler {
       const Vector3d& a = solid.vertices[static_cast<std::size_t>(e.start)].point;
       const Vector3d& b = solid.vertices[static_cast<std::size_t>(e.end)].point;
       const int n = Count(LengthPx(a, b));
+      const double length = std::max((b - a).norm(), 1e-9);
       for (int k = 0; k < n; ++k) {
         ContourSample s;
         s.index = static_cast<int>(i);
         s.t = (k + 0.5) / n;
         s.t_step = 1.0 / n;
         s.point_in_world = a + s.t * (b - a);
-        Add(s, (b - a).normalized(), e.left_face, e.right_face);
+        Add(s, (b - a) / length, length / n, e.left_face, e.right_face);
       }
     }
   }
@@ -133,7 +211,7 @@ struct Sampler {
         s.t_step = 2 * kPi / n;
         const Vector3d out = c.axis_u * std::cos(s.t) + c.axis_v * std::sin(s.t);
         s.point_in_world = c.center.point + c.radius_mm * out;
-        Add(s, c.normal.cross(out), c.plane_face, c.cylinder_face);
+        Add(s, c.normal.cross(out), 2 * kPi * c.radius_mm / n, c.plane_face, c.cylinder_face);
       }
     }
   }
@@ -167,7 +245,7 @@ struct Sampler {
           s.t_step = 1.0 / n;
           s.point_in_world = a + s.t * (b - a);
           // Seen a hair outside the faceted cylinder, which would else hide its own limb.
-          Add(s, (b - a).normalized(), static_cast<int>(i), static_cast<int>(i), out * kSelfMarginMm);
+          Add(s, axis, (b - a).norm() / n, static_cast<int>(i), static_cast<int>(i), out * kSelfMarginMm);
         }
       }
     }
@@ -204,13 +282,28 @@ bool Occluders::Free(const Vector3d& eye, const Vector3d& point, double margin_m
   return true;
 }
 
-std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& view, double spacing_px,
-                                         int min_samples, const Occluders* others, double touch_mm) {
-  Sampler sampler(solid, view, spacing_px, min_samples, others, touch_mm);
+void Occluders::Facing(const Vector3d& eye, std::vector<const std::array<Vector3d, 3>*>& out) const {
+  for (const auto& body : bodies_)
+    for (const auto& t : body.triangles)
+      if (Toward(t, eye)) out.push_back(&t);
+}
+
+std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& view,
+                                         const ContourSampling& sampling, const Occluders* others) {
+  Sampler sampler(solid, view, sampling, others);
   sampler.Edges();
   sampler.Circles();
   sampler.Limbs();
   return std::move(sampler.samples);
+}
+
+std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& view, double spacing_px,
+                                         int min_samples, const Occluders* others, double touch_mm) {
+  ContourSampling sampling;
+  sampling.spacing_px = spacing_px;
+  sampling.min_samples = min_samples;
+  sampling.touch_mm = touch_mm;
+  return SampleContour(solid, view, sampling, others);
 }
 
 Eigen::Matrix3Xd SampleByState(const WorldSolid& solid, const ContourSample& s) {

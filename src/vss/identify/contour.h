@@ -22,7 +22,8 @@ struct ContourSample {
   Eigen::Vector2d ideal = Eigen::Vector2d::Zero();          // px without distortion
   Eigen::Vector2d ideal_tangent = Eigen::Vector2d::Zero();  // unit, px, direction of the contour
   Eigen::Vector2d img = Eigen::Vector2d::Zero();            // px as taken
-  bool visible = false;                                     // in the picture and hidden by nothing
+  double step_px = 0;       // the piece of the contour that this sample stands for, as seen
+  bool visible = false;     // in the picture and hidden by nothing
   bool silhouette = false;  // one of its two faces is turned away: the background is on one side
 };
 
@@ -30,8 +31,11 @@ struct ContourSample {
 class Occluders {
  public:
   void Add(const WorldSolid& solid, int owner);
+  bool Empty() const { return bodies_.empty(); }
   // Is the segment from `eye` to `point` (stopping `margin_mm` short of it) free?
   bool Free(const Eigen::Vector3d& eye, const Eigen::Vector3d& point, double margin_mm) const;
+  // The triangles turned to `eye`.
+  void Facing(const Eigen::Vector3d& eye, std::vector<const std::array<Eigen::Vector3d, 3>*>& out) const;
 
  private:
   struct Body {
@@ -43,10 +47,21 @@ class Occluders {
   std::vector<Body> bodies_;
 };
 
-// Samples of the whole contour of `solid` in `view`, `spacing_px` apart (at least `min_samples` an edge),
-// whether visible or not; those outside the picture or facing away on both sides are left out. Hidden by:
-// `solid` itself, and `others` if given, unless they do so less than `touch_mm` before the sample (an edge
-// that lies on another part is seen, though by a small error it may lie inside it).
+// How a contour is sampled.
+struct ContourSampling {
+  double spacing_px = 6;
+  int min_samples = 3, max_samples = 100000;  // an edge
+  bool img = true;                            // fill `img`; without it sampling is faster
+  bool visibility = true;  // ask for occlusion; without it `visible` is set wherever a face is turned here
+  // A part that hides the sample from less than this before it does not: an edge that lies on another part is
+  // seen, though by a small error it may lie inside it.
+  double touch_mm = 0.5;
+};
+
+// Samples of the whole contour of `solid` in `view`, whether visible or not; those outside the picture or
+// facing away on both sides are left out. Hidden by: `solid` itself, and `others` if given.
+std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& view,
+                                         const ContourSampling& sampling, const Occluders* others = nullptr);
 std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& view, double spacing_px,
                                          int min_samples, const Occluders* others = nullptr,
                                          double touch_mm = 0.5);

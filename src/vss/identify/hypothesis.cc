@@ -141,6 +141,7 @@ class Seeder {
     for (const auto& [object, known] : CompleteDimensions(h)) {
       Hypothesis candidate = h;
       candidate.object = object;
+      if (Score(object, h.views) < kHopeless) continue;
       RefineAndWeigh(candidate, context_);
       Settle(candidate, known);
       if (candidate.log_odds >= min_log_odds) out.push_back(std::move(candidate));
@@ -154,6 +155,8 @@ class Seeder {
     for (std::size_t i = 0; i < lines.size(); ++i) {
       for (std::size_t k = 0; k < lines.size(); ++k) {
         if (i == k || lines[i].num_views + lines[k].num_views < 5 || !MayPair(lines[i], lines[k])) continue;
+        first_line_ = int(i);
+        second_line_ = int(k);
         for (const auto& pair : kind_.pairs) FromPair(pair, lines[i], lines[k]);
       }
     }
@@ -256,6 +259,7 @@ class Seeder {
   }
 
   void FromRims() {
+    first_line_ = second_line_ = -1;
     for (const auto& c : context_.circles)
       for (int rim : kind_.rims) {
         const CircleTarget target{rim, c.center, c.radius_mm};
@@ -334,6 +338,8 @@ class Seeder {
   }
 
   void Store(Hypothesis h) {
+    h.first_line = first_line_;
+    h.second_line = second_line_;
     if (!Allowed(h.object)) return;
     for (const auto& other : seeds_)
       if (SamePlace(other.object, h.object)) return;
@@ -395,9 +401,15 @@ class Seeder {
     return true;
   }
 
+  // Roughly: to choose among candidates.
   double Score(const PlacedObject& o, const std::vector<int>& views) const {
     return Weigh(PlaceSolid(o, false), views, context_.scene,
-                 {.spacing_px = 10, .prior_log_odds = PriorLogOdds(o, context_.mm_per_px)}, context_.others)
+                 {.spacing_px = 12,
+                  .min_samples = 3,
+                  .max_samples = 8,
+                  .rough = true,
+                  .prior_log_odds = PriorLogOdds(o, context_.mm_per_px)},
+                 context_.others)
         .log_odds;
   }
 
@@ -408,10 +420,11 @@ class Seeder {
     const Eigen::VectorXd direction = seed.open_direction.col(int(d));
     const WorldSolid solid = PlaceSolid(o);
     std::vector<std::pair<double, double>> votes;  // value, weight
+    const ContourSampling sampling{
+        .spacing_px = 12, .min_samples = 2, .max_samples = 8, .img = false, .visibility = false};
     for (int v : seed.views) {
       const View& view = context_.scene.views[std::size_t(v)];
-      const auto& lines = context_.scene.lines[std::size_t(v)].lines();
-      for (const auto& s : SampleContour(solid, view, 12, 2)) {
+      for (const auto& s : SampleContour(solid, view, sampling)) {
         const Vector3d motion = SampleByState(solid, s) * direction;
         if (motion.squaredNorm() < 1e-4) continue;
         const auto ahead = view.ProjectIdeal(s.point_in_world + motion);
@@ -420,15 +433,14 @@ class Seeder {
         const Vector2d normal(-s.ideal_tangent.y(), s.ideal_tangent.x());
         const double across = step.dot(normal);
         if (std::abs(across) < 0.2 / context_.mm_per_px) continue;
-        for (const auto& l : lines) {
-          if (std::abs(l.direction.dot(s.ideal_tangent)) < 0.998) continue;
+        context_.scene.lines[std::size_t(v)].ForParallel(s.ideal_tangent, [&](const ViewLine& l) {
           const double delta = (l.start - s.ideal).dot(l.normal) / step.dot(l.normal);
           const double value = o.dimensions_mm[d] + delta;
-          if (!(value >= def.min_mm && value <= def.max_mm)) continue;
+          if (!(value >= def.min_mm && value <= def.max_mm)) return;
           const double along = (s.ideal + delta * step - l.start).dot(l.direction);
-          if (along < -1 || along > l.length_px + 1) continue;
+          if (along < -1 || along > l.length_px + 1) return;
           votes.push_back({value, std::abs(across) * context_.mm_per_px});
-        }
+        });
       }
     }
     std::sort(votes.begin(), votes.end());
@@ -521,6 +533,9 @@ class Seeder {
       PlacedObject object;
       std::vector<bool> known;  // dimensions told by the seed or picked
     };
+    // Every second picture will do to choose among values.
+    std::vector<int> some;
+    for (std::size_t i = 0; i<h.views.size(); i += h.views.size()> 6 ? 2 : 1) some.push_back(h.views[i]);
     auto valued = [&](PlacedObject object, std::vector<bool> known) {
       const auto picked = std::count(known.begin(), known.end(), true) -
                           std::count(h.determined.begin(), h.determined.end(), true);
@@ -572,9 +587,10 @@ class Seeder {
         PlacedObject o = h.object;
         Move(o, h.open_direction, d, UsualValue(o, others, d));
         if (!Allowed(o)) continue;
-        const double score = Weigh(PlaceSolid(o, false), h.views, context_.scene,
-                                   {.prior_log_odds = PriorLogOdds(o, context_.mm_per_px)}, context_.others)
-                                 .Score();
+        const double score =
+            Weigh(PlaceSolid(o, false), h.views, context_.scene,
+                  {.prior_log_odds = PriorLogOdds(o, context_.mm_per_px)}, context_.others, context_.claims)
+                .Score();
         if (score <= best) continue;
         best = score;
         which = int(d);
@@ -601,6 +617,7 @@ class Seeder {
   PlacedObject usual_;
   WorldSolid usual_solid_;
   std::vector<Hypothesis> seeds_;
+  int first_line_ = -1, second_line_ = -1;  // of the seed at hand
 };
 
 }  // namespace
@@ -660,9 +677,76 @@ std::vector<Hypothesis> Seeds(const KindTemplate& kind, const SeedContext& conte
   return Seeder(kind, context, support_z_mm).Seeds();
 }
 
+double RoughScore(const Hypothesis& seed, const SeedContext& context) {
+  constexpr int kFewViews = 6;
+  const WorldSolid solid = PlaceSolid(seed.object, false);
+  const auto views = ViewsThatSee(solid, context.scene.views, kFewViews);
+  return Weigh(solid, views, context.scene,
+               {.spacing_px = 12,
+                .max_samples = 8,
+                .rough = true,
+                .prior_log_odds = PriorLogOdds(seed.object, context.mm_per_px)},
+               context.others, context.claims)
+      .log_odds;
+}
+
 std::vector<Hypothesis> Complete(const KindTemplate& kind, const SeedContext& context, const Hypothesis& seed,
                                  double min_log_odds) {
   return Seeder(kind, context, seed.object.placement[2]).Finish(seed, min_log_odds);
+}
+
+std::optional<Hypothesis> Reseat(const Hypothesis& hypothesis, const SeedContext& context,
+                                 double support_z_mm) {
+  constexpr int kIterations = 4;
+  constexpr double kWeakHold = 1e-3;  // of one vertex: on dimensions that no vertex above the support shows
+  Hypothesis h = hypothesis;
+  const WorldSolid before = PlaceSolid(h.object, false);
+  // What is hardly higher than the new support was its own foot, and moves with it.
+  const double stays_mm = support_z_mm + 2 * context.mm_per_px;
+  h.object.placement[2] = support_z_mm;
+  const int n = h.object.StateSize();
+  const std::vector<double> start = h.object.dimensions_mm;
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    const WorldSolid now = PlaceSolid(h.object);
+    Normal normal(n);
+    for (std::size_t i = 0; i < now.vertices.size(); ++i) {
+      const Vector3d& goal = before.vertices[i].point;
+      if (goal.z() < stays_mm) continue;
+      for (int axis = 0; axis < 3; ++axis)
+        normal.Add(now.vertices[i].by_state.row(axis), now.vertices[i].point[axis] - goal[axis], 1);
+    }
+    for (std::size_t i = 0; i < now.circles.size(); ++i) {
+      const auto &c = now.circles[i], &goal = before.circles[i];
+      if (goal.center.point.z() < stays_mm) continue;
+      for (int axis = 0; axis < 3; ++axis)
+        normal.Add(c.center.by_state.row(axis), c.center.point[axis] - goal.center.point[axis], 1);
+      normal.Add(c.radius_by_state, c.radius_mm - goal.radius_mm, 1);
+    }
+    Eigen::MatrixXd a = normal.ata;
+    Eigen::VectorXd b = normal.atb;
+    for (int i = kPlacementSize; i < n; ++i) {
+      a(i, i) += kWeakHold;
+      b[i] -= kWeakHold * (h.object.dimensions_mm[std::size_t(i - kPlacementSize)] -
+                           start[std::size_t(i - kPlacementSize)]);
+    }
+    for (int held : {2, 3, 4, 5}) {
+      a.row(held).setZero();
+      a.col(held).setZero();
+      a(held, held) = 1;
+      b[held] = 0;
+    }
+    a.diagonal().array() += 1e-9;
+    const Eigen::VectorXd state = h.object.State() + Eigen::VectorXd(a.ldlt().solve(b));
+    if (!state.allFinite()) return std::nullopt;
+    h.object.SetState(state);
+  }
+  const auto defs = h.object.model->dimensions();
+  if (!InRange(h.object, 2 * context.mm_per_px)) return std::nullopt;
+  for (std::size_t i = 0; i < defs.size(); ++i)
+    h.object.dimensions_mm[i] = std::clamp(h.object.dimensions_mm[i], defs[i].min_mm, defs[i].max_mm);
+  if (!Allowed(h.object)) return std::nullopt;
+  RefineAndWeigh(h, context);
+  return h;
 }
 
 void RefineAndWeigh(Hypothesis& h, const SeedContext& context) {
@@ -670,7 +754,8 @@ void RefineAndWeigh(Hypothesis& h, const SeedContext& context) {
   free[2] = free[4] = free[5] = false;
   auto weigh = [&](const PlacedObject& object) {
     const WeighOptions options{.prior_log_odds = PriorLogOdds(object, context.mm_per_px)};
-    return Weigh(PlaceSolid(object, false), h.views, context.scene, options, context.others).Score();
+    return Weigh(PlaceSolid(object, false), h.views, context.scene, options, context.others, context.claims)
+        .Score();
   };
   const double tolerance = context.scene.tolerance_px;
   const PlacedObject start = h.object;

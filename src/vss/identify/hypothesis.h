@@ -22,7 +22,8 @@ struct Hypothesis {
   std::vector<bool> determined;  // per dimension
   Eigen::MatrixXd
       open_direction;  // column d: how the state moves with an open dimension d so that the seed's edges stay
-  int support = -1;    // index of the hypothesis' support in a list that the caller keeps; -1: ground
+  int first_line = -1, second_line = -1;  // of the context's lines, from which it was seeded; -1: a circle
+  int support = -1;  // index of the hypothesis' support in a list that the caller keeps; -1: ground
 };
 
 // An object in one resting pose, prepared for seeding.
@@ -46,15 +47,24 @@ struct SeedContext {
   double mm_per_px = 1;               // typical size of a pixel in the scene
   int max_views = 14;                 // per weighing
   const Occluders* others = nullptr;  // parts that are known already
+  const Claims* claims = nullptr;     // and the lines that they explain
 };
 
 // Seeds of one template on a support at height `support_z_mm`: placed, with the dimensions that the seed
 // tells.
 std::vector<Hypothesis> Seeds(const KindTemplate& kind, const SeedContext& context, double support_z_mm);
 
+// How well a seed with its open dimensions as usual fits the lines: to choose which to complete.
+double RoughScore(const Hypothesis& seed, const SeedContext& context);
+
 // Completes the open dimensions of a seed, refines and weighs: the best few, those above `min_log_odds`.
 std::vector<Hypothesis> Complete(const KindTemplate& kind, const SeedContext& context, const Hypothesis& seed,
                                  double min_log_odds);
+
+// The object lifted from its support onto one at `support_z_mm`, its contours above that staying where they
+// are as far as its dimensions allow; empty where the dimensions' ranges forbid it.
+std::optional<Hypothesis> Reseat(const Hypothesis& hypothesis, const SeedContext& context,
+                                 double support_z_mm);
 
 // Fits the object to the lines (z and tilt held) where that explains more, and weighs it.
 void RefineAndWeigh(Hypothesis& hypothesis, const SeedContext& context);

@@ -42,6 +42,11 @@ LineIndex::LineIndex(const View& view, double reach_px) {
     };
     for (int k = 0; k < pieces; ++k) add(at(k), at(k + 1), static_cast<int>(i));
   }
+  for (std::size_t i = 0; i < lines_.size(); ++i) {
+    const int bin = DirectionBin(lines_[i].direction);
+    for (int step : {-1, 0, 1})
+      by_direction_[std::size_t((bin + step + kDirections) % kDirections)].push_back(static_cast<int>(i));
+  }
   cell_px_ = std::max(16.0, 2 * reach_px);
   origin_ = lo - Vector2d::Constant(cell_px_);
   columns_ = static_cast<int>((hi.x() - origin_.x()) / cell_px_) + 3;
@@ -66,6 +71,12 @@ LineIndex::LineIndex(const View& view, double reach_px) {
               .push_back(static_cast<int>(i));
       }
   }
+}
+
+int LineIndex::DirectionBin(const Vector2d& direction) {
+  double angle = std::atan2(direction.y(), direction.x());
+  if (angle < 0) angle += kPi;
+  return std::min(kDirections - 1, static_cast<int>(angle / kPi * kDirections));
 }
 
 const std::vector<int>& LineIndex::Cell(const Vector2d& ideal) const {

@@ -37,6 +37,14 @@ class LineIndex {
   // none.
   LineHit Nearest(const Eigen::Vector2d& ideal, const Eigen::Vector2d& tangent, double max_distance_px,
                   double min_cosine, double slack_px = 2) const;
+  // Calls f(line) for every line whose direction differs from `tangent` by at most some 4 degrees (cosine
+  // 0.998), in their order.
+  template <typename F>
+  void ForParallel(const Eigen::Vector2d& tangent, F&& f) const {
+    constexpr double kMinCosine = 0.998;
+    for (int i : by_direction_[std::size_t(DirectionBin(tangent))])
+      if (std::abs(lines_[std::size_t(i)].direction.dot(tangent)) >= kMinCosine) f(lines_[std::size_t(i)]);
+  }
   // Lines of any direction whose cell neighbourhood holds the point (a superset of those within reach).
   const std::vector<int>& Cell(const Eigen::Vector2d& ideal) const;
 
@@ -47,6 +55,9 @@ class LineIndex {
   Eigen::Vector2d origin_ = Eigen::Vector2d::Zero();
   int columns_ = 0, rows_ = 0;
   std::vector<std::vector<int>> cells_;
+  static constexpr int kDirections = 24;  // bins of 7.5 degrees, each with those of its neighbours
+  static int DirectionBin(const Eigen::Vector2d& direction);
+  std::vector<std::vector<int>> by_direction_ = std::vector<std::vector<int>>(kDirections);
 };
 
 }  // namespace vss

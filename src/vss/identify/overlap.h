@@ -9,6 +9,7 @@ struct Volume {
   Eigen::AlignedBox3d box;
   std::vector<std::array<Eigen::Vector3d, 3>> triangles;
   double mm3 = 0;
+  double wall_mm = 0;  // mean thickness
 
   bool Contains(const Eigen::Vector3d& point) const;
 };

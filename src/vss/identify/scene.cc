@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <map>
+#include <numeric>
 #include <optional>
+#include <set>
 
 #include "vss/base/parallel.h"
 #include "vss/identify/hypothesis.h"
@@ -19,6 +22,8 @@ constexpr double kBaseTolerancePx = 1.2;
 constexpr double kToleranceShare = 1.0 / 2000;
 // Two parts may sink into each other by this before they are said to fill the same room.
 constexpr double kTouchMm = 6;
+// Lines at least this long have directions that tell edges apart.
+constexpr double kSureLinePx = 15;
 constexpr double kMaxSharedVolume = 0.02;
 
 double TolerancePx(std::span<const View> views, const IdentifyOptions& options) {
@@ -52,49 +57,193 @@ class SceneSolver {
   }
 
   Result<SceneResult> Run() {
-    const WorldLineOptions line_options{scene_.tolerance_px, -20 * mm_per_px_, options_.max_height_mm};
+    WorldLineOptions line_options{scene_.tolerance_px, -20 * mm_per_px_, options_.max_height_mm, kSureLinePx};
     progress_.Report("world lines", 0, 1);
     lines_ = FindWorldLines(views_, scene_.lines, line_options, threads_, progress_);
+    const std::vector<WorldLine> wide = std::move(lines_);
+    line_options.tolerance_px = NarrowPx(wide);
+    line_options.min_length_px = 0;
+    lines_ = FindWorldLines(views_, scene_.lines, line_options, threads_, progress_);
     scene_.SetWorldLines(lines_);
+    scene_.sigma_px = SigmaPx();
+    // Edges whose lines are pulled this way and that agree with more tolerance only.
+    const std::size_t num_narrow = lines_.size();
+    for (const auto& l : wide)
+      if (std::none_of(lines_.begin(), lines_.begin() + std::ptrdiff_t(num_narrow),
+                       [&](const WorldLine& known) { return Same(known, l); }))
+        lines_.push_back(l);
+    std::erase_if(lines_, [&](const WorldLine& l) { return MovesWithLamps(l, views_); });
     circles_ = FindWorldCircles(views_, line_options);
     progress_.Report("world lines", 1, 1);
-    if (progress_.Cancelled()) return Cancelled();
-    AddHypotheses(-1);
-    if (progress_.Cancelled()) return Cancelled();
+    AddHypotheses(kGround, {});
+    ReseatOnPlates();
     Select();
-    StackOnTops();
+    // What the parts found so far hide or explain is known now: the rest of the lines once more, on the
+    // ground and on all tops.
+    for (int round = 0; round < kMaxRounds && !progress_.Cancelled(); ++round) {
+      const std::vector<int> known = accepted_;
+      const Known around = Explained(known);
+      const std::size_t before = items_.size();
+      AddHypotheses(kGround, around);
+      for (int support : known) AddHypotheses(support, around);
+      if (items_.size() == before) break;
+      Select();
+      if (accepted_ == known) break;
+    }
     if (progress_.Cancelled()) return Cancelled();
-    Select();
     return Collect();
   }
 
  private:
+  static constexpr int kGround = -1;
+  static constexpr int kMaxRounds = 4;  // what stands on what stands on what stands on the ground
+
+  // What accepted parts hide and which lines they explain.
+  struct Known {
+    Occluders others;
+    Claims claims;
+  };
+
+  // The lines of the pictures themselves tell how well they agree on an edge of the world: with no more
+  // tolerance than that, two edges that lie close are not taken for one.
+  double NarrowPx(const std::vector<WorldLine>& lines) const {
+    constexpr double kTolerances = 3;    // times the rms distance
+    constexpr double kLeastShare = 0.4;  // of what is usual: shadows pull edges, corners are rounded
+    const double agreement = AgreementPx(lines);
+    if (options_.tolerance_px > 0 || agreement <= 0) return scene_.tolerance_px;
+    return std::clamp(kTolerances * agreement, kLeastShare * scene_.tolerance_px, scene_.tolerance_px);
+  }
+
+  // One edge of the world, to within half a pixel?
+  bool Same(const WorldLine& a, const WorldLine& b) const {
+    const double near = 0.5 * mm_per_px_;
+    const bool turned = a.Unit().dot(b.Unit()) < 0;
+    return (a.start - (turned ? b.end : b.start)).norm() < 2 * near &&
+           (a.end - (turned ? b.start : b.end)).norm() < 2 * near &&
+           a.Unit().cross(b.start - a.start).norm() < near;
+  }
+
+  // How far lines lie from their edges, as the edges of the world tell.
+  double SigmaPx() const {
+    constexpr double kOfAgreement = 2;  // edges that are nearest to the truth agree best, most not so well
+    constexpr double kLeastShare = 0.15;
+    const double agreement = AgreementPx(lines_);
+    if (agreement <= 0) return scene_.sigma_px;
+    return std::clamp(kOfAgreement * agreement, kLeastShare * scene_.tolerance_px, scene_.sigma_px);
+  }
+
   SeedContext Context() const { return {scene_, lines_, circles_, mm_per_px_, 12}; }
 
-  // Hypotheses of all kinds on the ground (-1) or on the top of an item.
-  void AddHypotheses(int support) {
+  Known Explained(const std::vector<int>& items) const {
+    Known known;
+    known.claims = NoClaims();
+    for (int i : items) {
+      known.others.Add(SolidOf(i), i);
+      Claim(items_[std::size_t(i)], known.claims);
+    }
+    return known;
+  }
+
+  Claims NoClaims() const {
+    Claims claims(views_.size());
+    for (std::size_t v = 0; v < views_.size(); ++v) claims[v].resize(scene_.lines[v].lines().size());
+    return claims;
+  }
+
+  WorldSolid SolidOf(int i) const { return PlaceSolid(items_[std::size_t(i)].h.object, false); }
+
+  // Is most of the line explained already?
+  bool Explains(const Claims& claims, const WorldLine& l) const {
+    constexpr double kMost = 0.5;
+    double all = 0, done = 0;
+    for (const auto& r : l.lines) {
+      const double px = scene_.lines[std::size_t(r.view)].lines()[std::size_t(r.line)].length_px;
+      all += px;
+      if (claims[std::size_t(r.view)][std::size_t(r.line)]) done += px;
+    }
+    return done > kMost * all;
+  }
+
+  // Hypotheses of all kinds on the ground or on the top of an item, from the lines that nothing explains.
+  void AddHypotheses(int support, const Known& known) {
     const double z = support < 0 ? 0 : items_[std::size_t(support)].top_mm;
     const std::string on = support < 0 ? "ground" : items_[std::size_t(support)].kind;
+    if (std::none_of(templates_.begin(), templates_.end(),
+                     [&](const KindTemplate& t) { return t.model->MayStandOn(on); }))
+      return;
     std::vector<WorldLine> lines;
     for (const auto& l : lines_)
-      if (support < 0 || Above(l, items_[std::size_t(support)])) lines.push_back(l);
-    if (support >= 0 && lines.size() < 2) return;
+      if ((support < 0 || Above(l, items_[std::size_t(support)])) &&
+          (known.claims.empty() || !Explains(known.claims, l)))
+        lines.push_back(l);
+    std::vector<WorldCircle> circles;
+    for (const auto& c : circles_)
+      if (known.claims.empty() || !known.claims[std::size_t(c.arcs[0].view)][ChordOf(c.arcs[0])])
+        circles.push_back(c);
     SeedContext context = Context();
     context.lines = lines;
+    context.circles = circles;
+    if (!known.claims.empty()) {
+      context.others = &known.others;
+      context.claims = &known.claims;
+    }
     std::vector<std::pair<std::size_t, Hypothesis>> seeds;  // template, seed
     for (std::size_t i = 0; i < templates_.size(); ++i) {
-      if (!templates_[i].model->MayStandOn(on)) continue;
-      for (auto& h : Seeds(templates_[i], context, z)) seeds.push_back({i, std::move(h)});
+      // How a part lies less often is asked only of lines that nothing else explains.
+      if (!templates_[i].model->MayStandOn(on) || (templates_[i].resting_pose > 0 && known.claims.empty()))
+        continue;
+      for (auto& h : Promising(Seeds(templates_[i], context, z), context)) seeds.push_back({i, std::move(h)});
     }
     std::vector<std::vector<Hypothesis>> finished(seeds.size());
     std::atomic<int> done{0};
     ParallelFor(seeds.size(), threads_, [&](std::size_t i) {
       if (progress_.Cancelled()) return;
       finished[i] = Complete(templates_[seeds[i].first], context, seeds[i].second, options_.accept_log_odds);
+      for (auto& h : finished[i]) WeighInAllViews(h, context);
       progress_.Report("hypotheses", ++done, int(seeds.size()));
     });
     for (auto& list : finished)
-      for (auto& h : list) Keep(std::move(h), support);
+      for (auto& h : list)
+        if (h.log_odds >= options_.accept_log_odds) Keep(std::move(h), support);
+  }
+
+  // Of all seeds of a kind from one edge of the world, the few that fit best.
+  std::vector<Hypothesis> Promising(std::vector<Hypothesis> seeds, const SeedContext& context) const {
+    constexpr int kPerLine = 4;
+    std::vector<double> scores(seeds.size());
+    ParallelFor(seeds.size(), threads_, [&](std::size_t i) { scores[i] = RoughScore(seeds[i], context); });
+    std::vector<std::size_t> order(seeds.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return scores[a] > scores[b]; });
+    std::map<int, int> used;
+    std::vector<Hypothesis> out;
+    for (std::size_t i : order) {
+      Hypothesis& h = seeds[i];
+      if (h.first_line >= 0 && (used[h.first_line] >= kPerLine || used[h.second_line] >= kPerLine)) continue;
+      ++used[h.first_line];
+      ++used[h.second_line];
+      out.push_back(std::move(h));
+    }
+    return out;
+  }
+
+  // The search looks at some pictures, the decision at many.
+  void WeighInAllViews(Hypothesis& h, const SeedContext& context) const {
+    constexpr int kManyViews = 40;
+    const WorldSolid solid = PlaceSolid(h.object, false);
+    h.views = ViewsThatSee(solid, views_, kManyViews);
+    h.log_odds = Weigh(solid, h.views, scene_, {.prior_log_odds = PriorLogOdds(h.object, scene_.mm_per_px)},
+                       context.others, context.claims)
+                     .Score();
+  }
+
+  // The first chord of an arc in its picture's line index.
+  std::size_t ChordOf(const LineRef& arc) const {
+    const auto& index = scene_.lines[std::size_t(arc.view)];
+    for (std::size_t k = std::size_t(index.num_segments()); k < index.lines().size(); ++k)
+      if (index.lines()[k].arc == arc.line) return k;
+    return 0;
   }
 
   // A line over the top face of an item (within a few pixels), not below it.
@@ -117,11 +266,9 @@ class SceneSolver {
     item.top_mm = item.volume.box.max().z();
     item.support_item = support;
     h.support = support;
-    if (support >= 0) {
-      const auto& below = items_[std::size_t(support)].volume;
-      const Vector3d foot(h.object.placement[0], h.object.placement[1], item.volume.box.min().z() - kTouchMm);
-      if (!below.Contains(foot)) return;
-    }
+    if (support >= 0 && (!RestsOn(h.object, item.volume, items_[std::size_t(support)].volume) ||
+                         OfOneOutline(item.volume, items_[std::size_t(support)].volume)))
+      return;
     // The same object found from another seed: keep the better.
     for (auto& other : items_) {
       if (other.kind != item.kind || other.support_item != support ||
@@ -133,6 +280,7 @@ class SceneSolver {
       if (h.log_odds > other.h.log_odds) {
         item.h = std::move(h);
         other = std::move(item);
+        conflicts_.clear();
       }
       return;
     }
@@ -140,83 +288,188 @@ class SceneSolver {
     items_.push_back(std::move(item));
   }
 
-  // Tops that something could stand on: of accepted parts, and of wide ones that lost to what may stand on
-  // them.
-  void StackOnTops() {
+  static bool RestsOn(const PlacedObject& object, const Volume& volume, const Volume& below) {
+    const Vector3d foot(object.placement[0], object.placement[1], volume.box.min().z() - kTouchMm);
+    return below.Contains(foot);
+  }
+
+  // A plate that stands out under a part by no more than shadows do cannot be told from them.
+  bool OfOneOutline(const Volume& above, const Volume& below) const {
+    constexpr double kShadowPx = 5;
+    return ((below.box.sizes() - above.box.sizes()).head<2>().array() < 2 * kShadowPx * mm_per_px_).all();
+  }
+
+  // What was taken to stand on the ground may stand on a plate that lies there.
+  void ReseatOnPlates() {
     const std::size_t n = items_.size();
-    for (std::size_t i = 0; i < n; ++i) {
-      bool candidate = items_[i].accepted;
-      if (!candidate && items_[i].h.log_odds > options_.doubtful_log_odds) {
-        for (std::size_t k = 0; k < n && !candidate; ++k)
-          candidate = items_[k].accepted && items_[k].top_mm > items_[i].top_mm + 2 * mm_per_px_ &&
-                      SharedVolume(items_[i].volume, items_[k].volume, kTouchMm) > 0 &&
-                      items_[i].volume.mm3 > items_[k].volume.mm3;
+    std::vector<std::pair<std::size_t, std::size_t>> pairs;  // what, on what
+    for (std::size_t plate = 0; plate < n; ++plate) {
+      const Item& below = items_[plate];
+      if (below.h.log_odds < options_.doubtful_log_odds || !BestOfItsPlace(plate)) continue;
+      for (std::size_t i = 0; i < n; ++i) {
+        const Item& above = items_[i];
+        if (i == plate || above.support_item != kGround || !above.h.object.model->MayStandOn(below.kind) ||
+            above.top_mm < below.top_mm + 2 * mm_per_px_)
+          continue;
+        const double slack = 3 * mm_per_px_;
+        if ((above.volume.box.min().head<2>().array() < below.volume.box.min().head<2>().array() - slack)
+                .any() ||
+            (above.volume.box.max().head<2>().array() > below.volume.box.max().head<2>().array() + slack)
+                .any())
+          continue;
+        pairs.push_back({i, plate});
       }
-      if (candidate) AddHypotheses(int(i));
-      if (progress_.Cancelled()) return;
     }
+    std::vector<std::optional<Hypothesis>> seated(pairs.size());
+    const SeedContext context = Context();
+    ParallelFor(pairs.size(), threads_, [&](std::size_t k) {
+      seated[k] = Reseat(items_[pairs[k].first].h, context, items_[pairs[k].second].top_mm);
+      if (seated[k]) WeighInAllViews(*seated[k], context);
+    });
+    for (std::size_t k = 0; k < pairs.size(); ++k)
+      if (seated[k] && seated[k]->log_odds >= options_.accept_log_odds)
+        Keep(std::move(*seated[k]), int(pairs[k].second));
   }
 
-  bool Conflicts(const Item& a, const Item& b) const {
-    return SharedVolume(a.volume, b.volume, kTouchMm) > kMaxSharedVolume;
+  // Is there no better item of nearly the same frame?
+  bool BestOfItsPlace(std::size_t i) const {
+    constexpr double kSamePlace = 0.8;
+    const auto& box = items_[i].volume.box;
+    for (std::size_t k = 0; k < items_.size(); ++k) {
+      if (k == i) continue;
+      const auto& other = items_[k].volume.box;
+      const auto common = box.intersection(other);
+      if (common.isEmpty() || common.volume() < kSamePlace * box.merged(other).volume()) continue;
+      if (items_[k].h.log_odds > items_[i].h.log_odds ||
+          (items_[k].h.log_odds == items_[i].h.log_odds && k < i))
+        return false;
+    }
+    return true;
   }
 
-  // Greedy by what each adds to the explanation of all lines.
-  void Select() {
-    for (auto& item : items_) {
-      item.accepted = false;
-      item.part = -1;
-    }
-    Claims claims(views_.size());
-    for (std::size_t v = 0; v < views_.size(); ++v) claims[v].resize(scene_.lines[v].lines().size());
+  bool Conflicts(int a, int b) {
+    if (a > b) std::swap(a, b);
+    const auto key = std::pair(a, b);
+    const auto it = conflicts_.find(key);
+    if (it != conflicts_.end()) return it->second;
+    const bool is = SharedVolume(items_[std::size_t(a)].volume, items_[std::size_t(b)].volume, kTouchMm) >
+                    kMaxSharedVolume;
+    conflicts_[key] = is;
+    return is;
+  }
+
+  // What stands on item `i`'s supports, they included, that `accepted` lacks: `i` first.
+  std::vector<int> ChainOf(int i, const std::vector<bool>& accepted) const {
+    std::vector<int> chain;
+    for (int k = i; k >= 0 && !accepted[std::size_t(k)]; k = items_[std::size_t(k)].support_item)
+      chain.push_back(k);
+    return chain;
+  }
+
+  struct Choice {
+    std::vector<int> accepted;
+    double total = 0;
+  };
+
+  // Greedy by what each adds to the explanation of all lines, `first` before all others.
+  Choice Choose(int first) {
+    Choice choice;
+    std::vector<bool> is_accepted(items_.size());
+    Claims claims = NoClaims();
+    Occluders around;
     std::vector<std::pair<double, int>> queue;
     for (std::size_t i = 0; i < items_.size(); ++i) queue.push_back({items_[i].h.log_odds, int(i)});
+    if (first >= 0) queue.push_back({INFINITY, first});
     auto later = [](const auto& a, const auto& b) {
       return a.first != b.first ? a.first < b.first : a.second > b.second;
     };
     std::make_heap(queue.begin(), queue.end(), later);
-    std::vector<int> accepted;
     while (!queue.empty() && !progress_.Cancelled()) {
       std::pop_heap(queue.begin(), queue.end(), later);
       auto [old_score, i] = queue.back();
       queue.pop_back();
-      Item& item = items_[std::size_t(i)];
-      if (item.accepted) continue;
+      if (is_accepted[std::size_t(i)]) continue;
       // What it stands on comes first.
-      std::vector<int> chain;
-      for (int k = i; k >= 0 && !items_[std::size_t(k)].accepted; k = items_[std::size_t(k)].support_item)
-        chain.push_back(k);
+      const std::vector<int> chain = ChainOf(i, is_accepted);
       bool blocked = false;
       for (int k : chain)
-        for (int a : accepted) blocked |= Conflicts(items_[std::size_t(k)], items_[std::size_t(a)]);
+        for (int a : choice.accepted) blocked = blocked || Conflicts(k, a);
       if (blocked) continue;
-      // What is left for it when the other parts, and what it stands on, have explained their lines.
-      Occluders others;
-      for (int a : accepted) others.Add(PlaceSolid(items_[std::size_t(a)].h.object, false), a);
-      Claims after = claims;
-      for (int k : chain) {
-        if (k == i) continue;
-        others.Add(PlaceSolid(items_[std::size_t(k)].h.object, false), k);
-        Claim(items_[std::size_t(k)], after);
+      // What is left for it when the other parts have explained their lines; and of each part under it that
+      // is new, when it has explained its own.
+      Occluders others = around;
+      for (int k : chain)
+        if (k != i) others.Add(SolidOf(k), k);
+      const double now = Left(i, others, claims);
+      double below = 0;
+      if (chain.size() > 1) {
+        Claims after = claims;
+        Claim(items_[std::size_t(i)], after);
+        Occluders above = around;
+        above.Add(SolidOf(i), i);
+        bool stand = true;
+        for (std::size_t k = 1; k < chain.size(); ++k) {
+          const double left = Left(chain[k], above, after);
+          stand = stand && left >= options_.accept_log_odds;
+          below += left;
+        }
+        if (!stand) continue;
       }
-      const Evidence left =
-          Weigh(PlaceSolid(item.h.object, false), item.h.views, scene_,
-                {.prior_log_odds = PriorLogOdds(item.h.object, scene_.mm_per_px)}, &others, &after);
-      const double now = left.Score();
       if (now < options_.accept_log_odds) continue;
-      if (now < old_score - 1e-9 && !queue.empty() && now < queue.front().first) {
+      if (now < old_score - 1e-9 && std::isfinite(old_score) && !queue.empty() && now < queue.front().first) {
         queue.push_back({now, i});
         std::push_heap(queue.begin(), queue.end(), later);
         continue;
       }
+      choice.total += now + below;
       for (auto k = chain.rbegin(); k != chain.rend(); ++k) {
-        Item& member = items_[std::size_t(*k)];
-        member.accepted = true;
-        accepted.push_back(*k);
-        Claim(member, claims);
+        is_accepted[std::size_t(*k)] = true;
+        choice.accepted.push_back(*k);
+        Claim(items_[std::size_t(*k)], claims);
+        around.Add(SolidOf(*k), *k);
       }
     }
-    accepted_ = accepted;
+    return choice;
+  }
+
+  double Left(int i, const Occluders& others, const Claims& claims) const {
+    const Item& item = items_[std::size_t(i)];
+    return Weigh(SolidOf(i), item.h.views, scene_,
+                 {.prior_log_odds = PriorLogOdds(item.h.object, scene_.mm_per_px)}, &others, &claims)
+        .Score();
+  }
+
+  // The set of items that together explain most. Greedy, then what lost to several others or to what could
+  // stand on it gets its chance of being first.
+  void Select() {
+    tried_.clear();
+    Choice best = Choose(-1);
+    constexpr int kMaxTrials = 12;
+    for (int trial = 0; trial < kMaxTrials && !progress_.Cancelled(); ++trial) {
+      std::vector<bool> is_accepted(items_.size());
+      for (int a : best.accepted) is_accepted[std::size_t(a)] = true;
+      // The best that lost to more than one, or that carries others.
+      std::vector<std::pair<double, int>> losers;
+      for (std::size_t i = 0; i < items_.size(); ++i) {
+        if (is_accepted[i] || tried_.contains(int(i)) || items_[i].h.log_odds < options_.doubtful_log_odds)
+          continue;
+        int rivals = 0;
+        for (int a : best.accepted) rivals += Conflicts(int(i), a);
+        const bool carries = std::any_of(items_.begin(), items_.end(),
+                                         [&](const Item& other) { return other.support_item == int(i); });
+        if (rivals > 1 || (rivals == 1 && carries)) losers.push_back({-items_[i].h.log_odds, int(i)});
+      }
+      if (losers.empty()) break;
+      std::sort(losers.begin(), losers.end());
+      const int loser = losers.front().second;
+      tried_.insert(loser);
+      Choice other = Choose(loser);
+      if (other.total > best.total) best = std::move(other);
+    }
+    accepted_ = std::move(best.accepted);
+    std::sort(accepted_.begin(), accepted_.end());
+    for (auto& item : items_) item.accepted = false;
+    for (int i : accepted_) items_[std::size_t(i)].accepted = true;
   }
 
   // A line; of an arc all of it.
@@ -261,7 +514,7 @@ class SceneSolver {
           solid, part.views, scene_,
           {.keep_matches = true, .prior_log_odds = PriorLogOdds(part.object, scene_.mm_per_px)}, &everything);
       part.matches = evidence.matches;
-      part.log_odds = evidence.log_odds;
+      part.log_odds = evidence.Score();
       for (const auto& other : items_) {
         if (other.accepted || other.kind == item.kind) continue;
         if (part.runner_up && other.h.log_odds <= part.runner_up->log_odds) continue;
@@ -292,6 +545,8 @@ class SceneSolver {
   std::vector<WorldCircle> circles_;
   std::vector<Item> items_;
   std::vector<int> accepted_;
+  std::map<std::pair<int, int>, bool> conflicts_;  // of items, by index
+  std::set<int> tried_;                            // items that were given the first place once
 };
 
 }  // namespace

@@ -16,8 +16,8 @@ namespace vss {
 struct IdentifyOptions {
   double tolerance_px = 0;      // 0: from the pictures' sizes
   double max_height_mm = 3000;  // nothing of the workpiece is higher
-  double accept_log_odds = 8;
-  double doubtful_log_odds = 20;
+  double accept_log_odds = 12;
+  double doubtful_log_odds = 25;
 };
 std::span<const ParameterOf<IdentifyOptions>> IdentifyParameters();
 

@@ -1,10 +1,55 @@
 #include "vss/identify/view.h"
 
+#include <algorithm>
+
 namespace vss {
+namespace {
+
+// The picture's border in ideal px, side by side; the boxes stay unknown where the lens cannot be inverted.
+void SetFrame(View& view) {
+  constexpr int kSteps = 48;
+  constexpr double kMarginPx = 0.5;  // between two steps a smooth lens bends the border by less
+  constexpr double kFar = 1e9;
+  view.surely_inside.setEmpty();
+  view.maybe_inside = {Eigen::Vector2d::Constant(-kFar), Eigen::Vector2d::Constant(kFar)};
+  const double w = view.camera->width_px - 1, h = view.camera->height_px - 1;
+  Eigen::AlignedBox2d all;
+  Eigen::Vector2d lo = Eigen::Vector2d::Constant(-kFar), hi = Eigen::Vector2d::Constant(kFar);
+  for (int k = 0; k <= kSteps; ++k) {
+    const double t = double(k) / kSteps;
+    for (int side = 0; side < 4; ++side) {
+      const Eigen::Vector2d img = side == 0   ? Eigen::Vector2d(0, t * h)
+                                  : side == 1 ? Eigen::Vector2d(w, t * h)
+                                  : side == 2 ? Eigen::Vector2d(t * w, 0)
+                                              : Eigen::Vector2d(t * w, h);
+      const auto normalized = view.camera->intrinsics.NormalizedFromImg(img);
+      if (!normalized) return;
+      const Eigen::Vector2d ideal = view.camera->intrinsics.IdealFromNormalized(*normalized);
+      all.extend(ideal);
+      if (side == 0) lo.x() = std::max(lo.x(), ideal.x());
+      if (side == 1) hi.x() = std::min(hi.x(), ideal.x());
+      if (side == 2) lo.y() = std::max(lo.y(), ideal.y());
+      if (side == 3) hi.y() = std::min(hi.y(), ideal.y());
+    }
+  }
+  const auto margin = Eigen::Vector2d::Constant(kMarginPx);
+  view.maybe_inside = {all.min() - margin, all.max() + margin};
+  if ((hi - lo).minCoeff() > 2 * kMarginPx) view.surely_inside = {lo + margin, hi - margin};
+}
+
+}  // namespace
 
 View MakeView(int image, const Camera& camera, const RigidTransform& cam_from_world, int stop,
               const LineImage* lines) {
-  return {image, &camera, cam_from_world, stop, lines, cam_from_world.Inverse().translation};
+  View view;
+  view.image = image;
+  view.camera = &camera;
+  view.cam_from_world = cam_from_world;
+  view.stop = stop;
+  view.lines = lines;
+  view.center_in_world = cam_from_world.Inverse().translation;
+  SetFrame(view);
+  return view;
 }
 
 std::optional<Eigen::Vector2d> View::ProjectIdeal(const Eigen::Vector3d& point_in_world) const {

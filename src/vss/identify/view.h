@@ -1,6 +1,7 @@
 // One picture as identification and reconstruction see it.
 #pragma once
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <optional>
 
 #include "vss/camera/camera.h"
@@ -16,6 +17,10 @@ struct View {
                   // -1: none
   const LineImage* lines = nullptr;
   Eigen::Vector3d center_in_world = Eigen::Vector3d::Zero();
+
+  // The picture's frame in `ideal` px: what lies in the first box is surely inside the picture, what lies out
+  // of the second surely not. Between them the lens decides.
+  Eigen::AlignedBox2d surely_inside, maybe_inside;
 
   // World point (mm) to `ideal` px (no distortion); empty behind the camera.
   std::optional<Eigen::Vector2d> ProjectIdeal(const Eigen::Vector3d& point_in_world) const;

@@ -31,15 +31,23 @@ constexpr double kMinCosine = 0.9962;  // 5 degrees
 // Standard deviation of a contour's distance from its line, with a fair calibration, as a share of the
 // tolerance.
 constexpr double kSigmaShare = 0.35;
+// Shadows, chamfers and rust pull so many lines off their contour.
+constexpr double kPulled = 0.2;
 // A line speaks for a contour so far beyond its own ends.
 constexpr double kEndSlackPx = 0.5;
-// A contour is clear of its support from this height on, in pixels' size.
+// A contour is above its support from this height on, in pixels' size.
 constexpr double kElevatedPx = 1.5;
+// What is lower than this, in pixels' size, is compared with its own outline painted on the support.
+constexpr double kPaintPx = 12;
 // Two contours nearer than this in the picture may come out as one line.
 constexpr double kResolvePx = 2.5;
 constexpr double kDetectUnresolved = 0.3;
 // And nearer than this the weaker is lost beside the stronger more often than not.
 constexpr double kCrowdedPx = 5;
+// A line that is a contour's image ends where the contour does, within so many tolerances, far more often
+// than it runs on; a line that only passes by mostly runs on.
+constexpr double kEndTolerances = 2;
+constexpr double kEndsWithTrue = 0.9, kEndsWithChance = 0.15;
 
 int Bin(const Vector2d& tangent) {
   double a = std::atan2(tangent.y(), tangent.x());
@@ -101,7 +109,13 @@ void SceneIndex::SetWorldLines(std::span<const WorldLine> all) {
   world_of_line.assign(views.size(), {});
   for (std::size_t v = 0; v < views.size(); ++v) world_of_line[v].assign(lines[v].lines().size(), -1);
   for (const auto& l : all) {
-    if (l.num_views < kEstablishedViews || l.rms_px > kEstablishedRms * tolerance_px) continue;
+    if (l.rms_px > kEstablishedRms * tolerance_px) continue;
+    if (MovesWithLamps(l, views)) {
+      for (const auto& r : l.lines)
+        world_of_line[static_cast<std::size_t>(r.view)][static_cast<std::size_t>(r.line)] = kShadow;
+      continue;
+    }
+    if (l.num_views < kEstablishedViews) continue;
     for (const auto& r : l.lines)
       world_of_line[static_cast<std::size_t>(r.view)][static_cast<std::size_t>(r.line)] =
           static_cast<int>(world_lines.size());
@@ -116,6 +130,7 @@ LineHit SceneIndex::Match(int view, const ContourSample& sample, double reach_px
                                                               min_cosine, kEndSlackPx);
   if (hit.line < 0 || world_of_line.empty()) return hit;
   const int w = world_of_line[static_cast<std::size_t>(view)][static_cast<std::size_t>(hit.line)];
+  if (w == kShadow) return {};
   if (w < 0) return hit;
   const WorldLine& l = world_lines[static_cast<std::size_t>(w)];
   const Vector3d d = l.Unit(), along = sample.point_in_world - l.start, offset = along - d * d.dot(along);
@@ -123,11 +138,30 @@ LineHit SceneIndex::Match(int view, const ContourSample& sample, double reach_px
   return offset.dot(l.px2_per_mm2 * offset) > allowed_px * allowed_px ? LineHit{} : hit;
 }
 
+bool MovesWithLamps(const WorldLine& line, std::span<const View> views) {
+  constexpr int kMinViews = 3;    // two pictures always agree on some line of space
+  constexpr int kMinLookers = 3;  // one picture or two may miss an edge
+  constexpr int kSteps = 5;
+  if (line.num_stops != 1 || line.num_views < kMinViews) return false;
+  const int stop = views[static_cast<std::size_t>(line.lines.front().view)].stop;
+  if (stop < 0) return false;
+  int lookers = 0;
+  for (const auto& v : views) {
+    if (v.stop == stop) continue;
+    int inside = 0;
+    for (int k = 0; k < kSteps; ++k)
+      inside += v.ProjectInside(line.start + (line.end - line.start) * ((k + 0.5) / kSteps)).has_value();
+    lookers += inside >= kSteps - 1;
+  }
+  return lookers >= kMinLookers;
+}
+
 SceneIndex MakeSceneIndex(std::span<const View> views, double tolerance_px, int threads) {
   constexpr double kReachFactor = 5;  // how far FitToLines may look, in tolerances
   SceneIndex scene;
   scene.views = views;
   scene.tolerance_px = tolerance_px;
+  scene.sigma_px = kSigmaShare * tolerance_px;
   scene.mm_per_px = TypicalMmPerPx(views);
   scene.lines.resize(views.size());
   scene.density.resize(views.size());
@@ -251,9 +285,13 @@ void Share(const std::vector<Hit>& hits, std::span<const ContourSample> samples,
     }
 }
 
-// For each contour the distance (px) of the nearest other visible contour that runs beside it.
-std::vector<double> NearestParallel(std::span<const ContourSample> samples, const Numbering& numbering) {
-  std::vector<double> nearest(std::size_t(numbering.total), 1e9);
+// For each contour the nearest other visible contour that runs beside it.
+struct Neighbour {
+  double distance_px = 1e9;
+  int contour = -1;
+};
+std::vector<Neighbour> NearestParallel(std::span<const ContourSample> samples, const Numbering& numbering) {
+  std::vector<Neighbour> nearest(static_cast<std::size_t>(numbering.total));
   struct Middle {
     int contour;
     const ContourSample *first, *last;
@@ -273,44 +311,92 @@ std::vector<double> NearestParallel(std::span<const ContourSample> samples, cons
       const double half = std::abs((a.last->ideal - middle).dot(along));
       if (std::min(std::max(s0, s1), half) < std::max(std::min(s0, s1), -half)) continue;
       const double distance = std::abs((b.first->ideal - middle).dot(Vector2d(-along.y(), along.x())));
-      nearest[std::size_t(a.contour)] = std::min(nearest[std::size_t(a.contour)], distance);
+      auto& best = nearest[std::size_t(a.contour)];
+      if (distance < best.distance_px) best = {distance, b.contour};
     }
   }
   return nearest;
 }
 
+// What it says that the line `l`, which covers the sample next to an end of a straight edge, ends with the
+// edge or runs on. 0 for samples elsewhere, and where the end is not in the picture.
+double EndLogOdds(const ContourSample& s, const View& view, const ViewLine& l, double tolerance_px) {
+  if (s.source != ContourSample::Source::kEdge || s.t_step <= 0 || l.arc >= 0) return 0;
+  double sum = 0;
+  for (int end = 0; end < 2; ++end) {
+    if ((end == 0 ? s.t : 1 - s.t) > 0.75 * s.t_step) continue;
+    const Vector2d outward = (end == 0 ? -1.0 : 1.0) * s.ideal_tangent;
+    const Vector2d vertex = s.ideal + 0.5 * s.step_px * outward;
+    const double reach = kEndTolerances * tolerance_px;
+    if (!view.surely_inside.contains(Vector2d(vertex + reach * outward))) continue;
+    const double beyond = std::max((l.start - vertex).dot(outward), (l.end - vertex).dot(outward));
+    if (beyond > reach)
+      sum += std::log((1 - kEndsWithTrue) / (1 - kEndsWithChance));
+    else if (beyond > -reach)
+      sum += std::log(kEndsWithTrue / kEndsWithChance);
+  }
+  return sum;
+}
+
 }  // namespace
 
 double PriorLogOdds(const PlacedObject& object, double mm_per_px) {
-  constexpr double kPerDimension = 4;      // half the logarithm of some 3000 px of contour (BIC)
-  constexpr double kUnseenDimension = 20;  // smaller than a pixel: the pictures cannot show it
-  constexpr double kOtherPose = 30;        // parts mostly lie as their knowledge base says first
-  constexpr double kFlatPx = 2,
-                   kFlat = 40;  // what is hardly higher than a pixel may be paint, a shadow or a cable
+  constexpr double kPerDimension = 4;  // half the logarithm of some 3000 px of contour (BIC)
+  constexpr double kUnseenDimension =
+      30;                            // at most a pixel: the pictures cannot show it; from two on they do
+  constexpr double kOtherPose = 30;  // parts mostly lie as their knowledge base says first
+  constexpr double kFlatPx = 4,
+                   kFlat =
+                       10;  // a pixel: what is hardly higher than a pixel may be paint, a shadow or a cable
+  constexpr double kBarPx = 6, kBar = 20;  // a pixel: a bar as thin as that both ways may be a cable
   double prior = object.resting_pose > 0 ? -kOtherPose : 0;
   for (double d : object.dimensions_mm)
-    prior -= kPerDimension + (std::abs(d) < mm_per_px ? kUnseenDimension : 0);
+    prior -= kPerDimension + kUnseenDimension * std::clamp(2 - std::abs(d) / mm_per_px, 0.0, 1.0);
   const Solid solid = object.model->InstantiateUnchecked(object.dimensions_mm);
-  const Eigen::RowVector3d up =
-      object.model->resting_poses()[static_cast<std::size_t>(object.resting_pose)].rested_from_part.row(2);
-  double low = INFINITY, high = -INFINITY;
-  auto reach = [&](const Vector3d& p) {
-    low = std::min(low, up.dot(p));
-    high = std::max(high, up.dot(p));
-  };
-  for (const auto& v : solid.vertices) reach(v.point_in_part);
-  for (const auto& c : solid.circles) reach(c.center.point_in_part);
-  const double height_px = (high - low) / mm_per_px;
-  if (height_px < kFlatPx) prior -= kFlat * (kFlatPx - height_px);
+  const Eigen::Matrix3d& rested_from_part =
+      object.model->resting_poses()[static_cast<std::size_t>(object.resting_pose)].rested_from_part;
+  Eigen::AlignedBox3d box;
+  for (const auto& v : solid.vertices) box.extend(Vector3d(rested_from_part * v.point_in_part));
+  for (const auto& c : solid.circles) {
+    const Vector3d center = rested_from_part * c.center.point_in_part;
+    const Vector3d spread = Vector3d(c.radius_mm, c.radius_mm, 0);
+    box.extend(Vector3d(center + spread));
+    box.extend(Vector3d(center - spread));
+  }
+  Vector3d extent_px = box.sizes() / mm_per_px;
+  if (extent_px.z() < kFlatPx) prior -= kFlat * (kFlatPx - extent_px.z());
+  std::sort(extent_px.data(), extent_px.data() + 3);
+  if (extent_px[1] < kBarPx) prior -= kBar * (kBarPx - extent_px[1]);
   return prior;
 }
 
-Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
-               const WeighOptions& options, const Occluders* others, const Claims* claims) {
+namespace {
+
+// The solid pressed flat onto its support, with those of its contours that stand above it.
+WorldSolid Painted(const WorldSolid& solid, double lowest_z, double elevated_mm) {
+  WorldSolid flat = solid;
+  for (auto& v : flat.vertices) v.point.z() = lowest_z;
+  for (auto& f : flat.faces)
+    for (auto& t : f.triangles)
+      for (auto& p : t) p.z() = lowest_z;
+  for (std::size_t i = 0; i < solid.edges.size(); ++i)
+    if (TopOf(solid, ContourSample::Source::kEdge, int(i)) <= lowest_z + elevated_mm)
+      flat.edges[i].weight = 0;
+  for (std::size_t i = 0; i < solid.circles.size(); ++i) {
+    flat.circles[i].center.point.z() = lowest_z;
+    if (solid.circles[i].center.point.z() <= lowest_z + elevated_mm) flat.circles[i].weight = 0;
+  }
+  return flat;
+}
+
+Evidence WeighContours(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
+                       const WeighOptions& options, const Occluders* others, const Claims* claims) {
   const Numbering numbering(solid);
   struct Tally {
     int visible = 0, open = 0, supported = 0;  // open: neither another part's nor unresolvable
     double px = 0, chance = 0, squared = 0;
+    double ends = 0;  // log-odds of where the lines end
+    double Share() const { return open > 0 ? double(supported) / open : 0; }
   };
   struct Sum {
     int votes = 0;
@@ -325,9 +411,12 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
   std::vector<Tally> tallies;
   std::vector<Hit> hits;
   std::vector<int> lost;
+  const ContourSampling sampling{.spacing_px = options.spacing_px,
+                                 .min_samples = options.min_samples,
+                                 .max_samples = options.max_samples,
+                                 .img = false};
   for (int v : views) {
-    const auto samples =
-        SampleContour(solid, scene.views[std::size_t(v)], options.spacing_px, options.min_samples, others);
+    const auto samples = SampleContour(solid, scene.views[std::size_t(v)], sampling, others);
     const auto& index = scene.lines[std::size_t(v)];
     tallies.assign(std::size_t(numbering.total), {});
     hits.clear();
@@ -342,7 +431,7 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
                       (s.ideal - l.start).dot(l.direction)});
     }
     Share(hits, samples, lost);
-    const std::vector<double> crowded = NearestParallel(samples, numbering);
+    const std::vector<Neighbour> crowded = NearestParallel(samples, numbering);
     std::size_t next_hit = 0;
     for (std::size_t i = 0; i < samples.size(); ++i) {
       const auto& s = samples[i];
@@ -352,15 +441,15 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
       if (!s.visible || WeightOf(solid, s) <= 0) continue;
       auto& t = tallies[std::size_t(numbering.Of(s))];
       ++t.visible;
-      const bool follows = i > 0 && samples[i - 1].source == s.source && samples[i - 1].index == s.index;
-      t.px += follows ? std::min(4 * options.spacing_px, (s.ideal - samples[i - 1].ideal).norm())
-                      : options.spacing_px / 2;
+      t.px += s.step_px;
       t.chance += scene.ChanceHit(v, s.ideal_tangent);
       if (line >= 0 && claims && (*claims)[std::size_t(v)][std::size_t(line)]) continue;
       ++t.open;
       if (line < 0 || lost[i] != 0) continue;
       ++t.supported;
       t.squared += distance * distance;
+      t.ends +=
+          EndLogOdds(s, scene.views[std::size_t(v)], index.lines()[std::size_t(line)], scene.tolerance_px);
     }
     bool seen = false;
     for (int k = 0; k < numbering.total; ++k) {
@@ -371,14 +460,17 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
       ++e.views;
       e.visible_px += t.px;
       if (t.open == 0) continue;
-      const double share = double(t.supported) / t.open, px = t.px * t.open / t.visible;
+      const double share = t.Share(), px = t.px * t.open / t.visible;
       e.supported_px += share * px;
       ContourSample probe;
       probe.source = numbering.SourceOf(k);
       probe.index = numbering.IndexOf(k);
       const double alone = DetectOf(solid, probe.source, probe.index, lowest_z);
       const double chance = std::max(t.chance / t.visible, alone == kDetectContact ? kChanceContact : 0.0);
-      const double beside = crowded[std::size_t(k)];
+      // Of two crowded contours the one that was found was the stronger.
+      const Neighbour& near_by = crowded[std::size_t(k)];
+      const bool weaker = near_by.contour >= 0 && share < tallies[std::size_t(near_by.contour)].Share();
+      const double beside = weaker || share == 0 ? near_by.distance_px : 1e9;
       const double detect = std::max(std::min(alone, beside < kResolvePx   ? kDetectUnresolved
                                                      : beside < kCrowdedPx ? kDetectWeak
                                                                            : 1.0),
@@ -386,14 +478,19 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
       const double pieces = px / kIndependentPx;
       const double independent =
           pieces < kFullIndependent ? pieces : kFullIndependent * (1 + std::log(pieces / kFullIndependent));
-      // A true contour lies near its line (normal, sigma), a chance one anywhere within the tolerance.
-      const double sigma = kSigmaShare * scene.tolerance_px;
-      const double near = t.supported == 0 ? 0
-                                           : std::log(2 * scene.tolerance_px / (sigma * std::sqrt(2 * kPi))) -
-                                                 t.squared / t.supported / (2 * sigma * sigma);
+      // A true contour lies near its line (normal, sigma; now and then pulled off it), a chance one anywhere
+      // within the tolerance.
+      const double sigma = options.rough ? kSigmaShare * scene.tolerance_px : scene.sigma_px;
+      const double density = 2 * scene.tolerance_px / (sigma * std::sqrt(2 * kPi));
+      const double near =
+          t.supported == 0
+              ? 0
+              : std::log((1 - kPulled) * density * std::exp(-t.squared / t.supported / (2 * sigma * sigma)) +
+                         kPulled);
       sums[std::size_t(k)].log_odds +=
-          WeightOf(solid, probe) * independent *
-          (share * (std::log(detect / chance) + near) + (1 - share) * std::log((1 - detect) / (1 - chance)));
+          WeightOf(solid, probe) * t.ends + WeightOf(solid, probe) * independent *
+                                                (share * (std::log(detect / chance) + near) +
+                                                 (1 - share) * std::log((1 - detect) / (1 - chance)));
       ++sums[std::size_t(k)].votes;
     }
     if (seen) ++out.views;
@@ -433,10 +530,36 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
   return out;
 }
 
+}  // namespace
+
+Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
+               const WeighOptions& options, const Occluders* others, const Claims* claims) {
+  Evidence out = WeighContours(solid, views, scene, options, others, claims);
+  if (options.rough || out.log_odds <= 0) return out;  // hopeless either way
+  double low = INFINITY, high = -INFINITY;
+  for (const auto& v : solid.vertices) {
+    low = std::min(low, v.point.z());
+    high = std::max(high, v.point.z());
+  }
+  for (const auto& c : solid.circles) {
+    low = std::min(low, c.center.point.z());
+    high = std::max(high, c.center.point.z());
+  }
+  if (high - low > kPaintPx * scene.mm_per_px) return out;
+  WeighOptions bare = options;
+  bare.keep_matches = false;
+  bare.prior_log_odds = 0;
+  const Evidence flat =
+      WeighContours(Painted(solid, low, kElevatedPx * scene.mm_per_px), views, scene, bare, others, claims);
+  for (const auto& e : flat.edges) out.elevated_log_odds -= std::max(0.0, e.log_odds);
+  return out;
+}
+
 FitToLinesResult FitToLines(PlacedObject& object, std::span<const int> views, const SceneIndex& scene,
                             const std::vector<bool>& free, double first_reach_px, double last_reach_px,
                             int iterations, const Occluders* others) {
   FitToLinesResult result;
+  const ContourSampling sampling{.spacing_px = 8, .min_samples = 3, .max_samples = 24, .img = false};
   const int n = object.StateSize();
   const auto defs = object.model->dimensions();
   for (int it = 0; it < iterations; ++it) {
@@ -453,7 +576,7 @@ FitToLinesResult FitToLines(PlacedObject& object, std::span<const int> views, co
     int count = 0;
     for (int v : views) {
       const View& view = scene.views[std::size_t(v)];
-      const auto samples = SampleContour(solid, view, 8, 3, others);
+      const auto samples = SampleContour(solid, view, sampling, others);
       const auto& index = scene.lines[std::size_t(v)];
       hits.clear();
       signed_distance.clear();

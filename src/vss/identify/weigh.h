@@ -19,10 +19,12 @@ struct SceneIndex {
   std::vector<std::vector<double>>
       density;  // per view and direction bin: chance that some line lies within 1 px of a point, per px
   double tolerance_px = 1.5;
-  double mm_per_px = 1;  // typical size of a pixel in the scene
+  double sigma_px = 0.5;  // standard deviation of a line's distance from the contour that it shows
+  double mm_per_px = 1;   // typical size of a pixel in the scene
 
   // Lines that are known to be one edge of the world speak only for contours at that place. By view and line:
-  // index into `world_lines`, or -1.
+  // index into `world_lines`, -1, or kShadow: an edge of a shadow, which speaks for nothing.
+  static constexpr int kShadow = -2;
   std::vector<std::vector<int>> world_of_line;
   std::vector<WorldLine> world_lines;
   void SetWorldLines(std::span<const WorldLine> lines);
@@ -33,6 +35,9 @@ struct SceneIndex {
   double ChanceHit(int view, const Eigen::Vector2d& tangent) const;
 };
 SceneIndex MakeSceneIndex(std::span<const View> views, double tolerance_px, int threads);
+// An edge that is seen from one place of the carriage only, though from others one looks at it too: the edge
+// of a shadow or a reflection, which moves with the carriage's lamps.
+bool MovesWithLamps(const WorldLine& line, std::span<const View> views);
 // Median over the pictures of a pixel's size where the optical axis meets the ground.
 double TypicalMmPerPx(std::span<const View> views);
 
@@ -48,23 +53,22 @@ struct EdgeEvidence {
 };
 
 struct Evidence {
-  double elevated_log_odds = 0;  // of contours clearly above the support: paint and shadows have none
-  double log_odds = 0;           // natural logarithm, for "there is this object" against "chance"
+  // Of contours above the support, less what they would explain if they were painted on it.
+  double elevated_log_odds = 0;
+  double log_odds = 0;  // natural logarithm, for "there is this object" against "chance"
   double visible_px = 0, supported_px = 0;
   int views = 0;  // that see part of its contour
-  // The score of the whole: what paint and shadows could explain as well counts for nothing alone.
-  double Score() const {
-    return elevated_log_odds < kMinElevated ? std::min(log_odds, elevated_log_odds) : log_odds;
-  }
-  static constexpr double kMinElevated = 10;
+  // The score of the whole: what paint and shadows could explain as well counts for nothing.
+  double Score() const { return std::min(log_odds, elevated_log_odds); }
   std::vector<EdgeEvidence> edges;
   std::vector<ContourMatch> matches;  // only where asked for
 };
 
 struct WeighOptions {
   double spacing_px = 6;
-  int min_samples = 3;
+  int min_samples = 3, max_samples = 24;  // an edge
   bool keep_matches = false;
+  bool rough = false;  // for a start that is not yet fitted; without the comparison with paint
   double prior_log_odds = 0;
 };
 

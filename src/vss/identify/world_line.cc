@@ -38,15 +38,21 @@ struct Candidate {
 class Finder {
  public:
   Finder(std::span<const View> views, std::span<const LineIndex> indices, const WorldLineOptions& options)
-      : views_(views), indices_(indices), options_(options) {}
+      : views_(views), indices_(indices), options_(options) {
+    for (const auto& v : views) rooms_.push_back(RoomOf(v));
+    together_.resize(views.size());
+    for (std::size_t i = 0; i < views.size(); ++i)
+      for (std::size_t k = 0; k < views.size(); ++k)
+        if (k != i && rooms_[i].intersects(rooms_[k])) together_[i].push_back(int(k));
+  }
 
   // The best explanation of line `line` of view `i` as an edge in the world.
   std::optional<Candidate> Explain(int i, int line) const {
     const View& view = views_[std::size_t(i)];
     const ViewLine& a = indices_[std::size_t(i)].lines()[std::size_t(line)];
     std::vector<Candidate> candidates;
-    for (std::size_t j = 0; j < views_.size(); ++j) {
-      if (int(j) == i) continue;
+    for (const int j_index : together_[std::size_t(i)]) {
+      const std::size_t j = std::size_t(j_index);
       const double baseline = (views_[j].center_in_world - view.center_in_world).norm();
       if (baseline < 1e-6) continue;
       const auto& lines = indices_[j].lines();
@@ -66,8 +72,10 @@ class Finder {
       const double gap = std::max(kMinGapMm, kMaxGapShare * length);
       double lo = 0, hi = length;
       std::vector<LineRef> found;
+      Eigen::AlignedBox3d room(Vector3d(c.start - gap * d));
+      room.extend(Vector3d(c.end + gap * d));
       for (std::size_t k = 0; k < views_.size(); ++k)
-        Collinear(int(k), c.start - gap * d, c.end + gap * d, found);
+        if (rooms_[k].intersects(room)) Collinear(int(k), c.start - gap * d, c.end + gap * d, found);
       for (const LineRef& r : found) {
         const auto span = Extent(r, c.start, d);
         if (!span || span->first > length + gap || span->second < -gap) continue;
@@ -333,8 +341,8 @@ class Finder {
         if (!done[m] && candidates[m].kind == c.kind && SameDepth(views_[std::size_t(i)], c, candidates[m]))
           done[m] = true;
       c.support = {{i, line}};
-      for (std::size_t v = 0; v < views_.size(); ++v) {
-        if (int(v) == i) continue;
+      for (const int v_index : together_[std::size_t(i)]) {
+        const std::size_t v = std::size_t(v_index);
         std::vector<LineRef> found;
         Collinear(int(v), c.start, c.end, found);
         for (const LineRef& r : found)
@@ -362,12 +370,51 @@ class Finder {
     return (a.start - b.start).norm() < step && (a.end - b.end).norm() < step;
   }
 
+  // The part of the world, between the least and the largest height, that a picture may show.
+  Eigen::AlignedBox3d RoomOf(const View& view) const {
+    constexpr double kFarMm = 1e7;
+    constexpr int kSteps = 4;
+    Eigen::AlignedBox3d room;
+    const double w = view.camera->width_px, h = view.camera->height_px;
+    for (int a = 0; a <= kSteps; ++a)
+      for (int b = 0; b <= kSteps; ++b) {
+        if (a % kSteps != 0 && b % kSteps != 0) continue;
+        const Vector2d img(w * a / kSteps - 0.5, h * b / kSteps - 0.5);
+        const auto normalized = view.camera->intrinsics.NormalizedFromImg(img);
+        if (!normalized) return {Vector3d::Constant(-kFarMm), Vector3d::Constant(kFarMm)};
+        const Vector3d ray =
+            view.cam_from_world.rotation.transpose() * Vector3d(normalized->x(), normalized->y(), 1);
+        for (const double z : {options_.min_height_mm, options_.max_height_mm}) {
+          // Up to where the ray meets the height, if it does so before the horizon.
+          const double rise = z - view.center_in_world.z();
+          const double t = rise * ray.z() > 0 ? rise / ray.z() : rise == 0 ? 0 : kFarMm;
+          const double limited = rise * ray.z() > 0 || z == options_.min_height_mm ? std::min(t, kFarMm) : 0;
+          room.extend(Vector3d(view.center_in_world + limited * ray));
+        }
+      }
+    return room;
+  }
+
   std::span<const View> views_;
   std::span<const LineIndex> indices_;
   const WorldLineOptions& options_;
+  std::vector<Eigen::AlignedBox3d> rooms_;  // by view
+  std::vector<std::vector<int>> together_;  // by view: those that may show the same
 };
 
 }  // namespace
+
+double AgreementPx(std::span<const WorldLine> lines) {
+  constexpr int kMinViews = 4;  // two pictures always agree, three often
+  constexpr std::size_t kMinLines = 8;
+  constexpr double kBetter = 0.25;  // quantile: the rest are often mixtures of two edges that lie close
+  std::vector<double> rms;
+  for (const auto& l : lines)
+    if (l.num_views >= kMinViews) rms.push_back(l.rms_px);
+  if (rms.size() < kMinLines) return 0;
+  std::sort(rms.begin(), rms.end());
+  return rms[std::size_t(kBetter * double(rms.size()))];
+}
 
 std::vector<WorldLine> FindWorldLines(std::span<const View> views, std::span<const LineIndex> indices,
                                       const WorldLineOptions& options, int threads,
@@ -377,7 +424,9 @@ std::vector<WorldLine> FindWorldLines(std::span<const View> views, std::span<con
   ParallelFor(views.size(), threads, [&](std::size_t i) {
     if (progress.Cancelled()) return;
     explained[i].resize(std::size_t(indices[i].num_segments()));
-    for (std::size_t k = 0; k < explained[i].size(); ++k) explained[i][k] = finder.Explain(int(i), int(k));
+    for (std::size_t k = 0; k < explained[i].size(); ++k)
+      if (indices[i].lines()[k].length_px >= options.min_length_px)
+        explained[i][k] = finder.Explain(int(i), int(k));
   });
   std::vector<const Candidate*> order;
   for (const auto& view : explained)

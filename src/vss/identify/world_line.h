@@ -46,7 +46,12 @@ struct WorldCircle {
 struct WorldLineOptions {
   double tolerance_px = 1.5;
   double min_height_mm = -50, max_height_mm = 3000;
+  double min_length_px = 0;  // shorter lines start no edge
 };
+
+// How well lines of several pictures agree on the edges that they show: the rms distance (px) of the better
+// ones. 0 where there are too few to say.
+double AgreementPx(std::span<const WorldLine> lines);
 
 std::vector<WorldLine> FindWorldLines(std::span<const View> views, std::span<const LineIndex> indices,
                                       const WorldLineOptions& options, int threads, const Progress& progress);
