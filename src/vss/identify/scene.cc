@@ -521,7 +521,9 @@ class SceneSolver {
         if (SharedVolume(item.volume, other.volume, kTouchMm) < 0.3) continue;
         part.runner_up = RunnerUp{other.kind, other.h.log_odds};
       }
-      part.doubtful = part.log_odds < options_.doubtful_log_odds;
+      constexpr double kBarely = 5;  // natural logarithm: as good as nothing between two kinds
+      part.doubtful = part.log_odds < options_.doubtful_log_odds ||
+                      (part.runner_up && std::abs(part.runner_up->log_odds - item.h.log_odds) < kBarely);
       result.parts.push_back(std::move(part));
     }
     return result;
