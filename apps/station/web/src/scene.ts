@@ -220,6 +220,6 @@ export class SceneDrawing {
 
   private ask() {
     if (this.frame) return;
-    this.frame = requestAnimationFrame(() => { this.frame = 0; this.renderer.render(this.scene, this.camera); });
+    this.frame = requestAnimationFrame(() => { this.frame = 0; this.renderer.render(this.scene, this.camera); this.box.dataset.parts = String(this.shown.length); });
   }
 }

@@ -124,17 +124,27 @@ class Station {
       if (this.run.state === 'cancelled') this.say(t.runCancelled);
       if (this.run.state === 'done') { this.guideDone.run = true; void this.refresh(); }
     }
-    if (m.type === 'edit' && (m.revision as number) > this.revision) {
-      if (m.who !== this.who) this.say(t.othersEdit(String(m.who)));
-      void this.refresh();
-    }
+    // Whether it is an edit of this page is known once its own commands are answered.
+    if (m.type === 'edit') void this.queue.then(() => {
+      const revision = m.revision as number;
+      if (this.mine.has(revision)) return;
+      this.others++;
+      this.say(t.othersEdit(String(m.who)));
+      if (revision > this.revision) void this.refresh();
+    });
   }
 
   private refreshing: Promise<void> = Promise.resolve();
   refresh(): Promise<void> { return (this.refreshing = this.refreshing.catch(() => {}).then(() => this.fetchState())); }
 
   private async fetchState() {
-    const state = await api.state(this.revision);
+    let state: State;
+    try {
+      state = await api.state(this.revision);
+    } catch (e) {
+      if ((e as Refused).status !== 0 || this.revision === 0) throw e;
+      return;  // the station is away; when it is back, everything is fetched
+    }
     const items = new Map(this.items);
     for (const item of state.items) {
       if (item.value === null) items.delete(`${item.kind}/${item.id}`); else items.set(`${item.kind}/${item.id}`, item);
@@ -163,7 +173,7 @@ class Station {
       if (this.projections.get(image)?.revision === this.revision) return;
       const revision = this.revision, projection = await api.projection(image);
       this.projections = new Map(this.projections).set(image, { ...projection, revision });
-    } catch (e) { this.say((e as Error).message, true); }
+    } catch (e) { this.complain(e as Refused); }
   }
 
   private async loadAllLines() {
@@ -224,21 +234,42 @@ class Station {
     this.show?.(Math.min(...us), Math.min(...vs), Math.max(...us), Math.max(...vs));
   }
 
-  // One edit; what the server refuses is said, and what somebody else changed is fetched.
-  async command(name: string, args: object = {}): Promise<(Record<string, unknown> & { revision: number }) | null> {
+  // That the station is away is said once, in its own place.
+  complain(e: Error) { if (!(e instanceof Refused && e.status === 0 && !this.connected)) this.say(e.message, true); }
+
+  private queue: Promise<unknown> = Promise.resolve();
+  private mine = new Set<number>();  // revisions that this page made
+  private others = 0;                // edits of other pages heard of
+
+  // One edit after the other, each upon what the one before left; what the server refuses is said, and what somebody else
+  // changed is fetched. `args` as a function is asked when its turn comes; null: there is nothing to do any more.
+  command(name: string, args: object | (() => object | null) = {}): Promise<(Record<string, unknown> & { revision: number }) | null> {
+    const seen = this.others;
+    const turn = this.queue.then(() => {
+      if (typeof args !== 'function') return this.send(name, args);
+      const now = args();
+      return now && seen === this.others ? this.send(name, now) : null;
+    });
+    this.queue = turn.catch(() => {});
+    return turn;
+  }
+  private async send(name: string, args: object): Promise<(Record<string, unknown> & { revision: number }) | null> {
     try {
       const answer = await api.command(name, args);
-      if (answer.revision) { this.guideDone.edit ||= name === 'undo'; await this.refresh(); }
+      if (answer.revision) {
+        this.mine.add(answer.revision);
+        this.guideDone.edit ||= name === 'undo';
+        await this.refresh();
+      }
       return answer;
     } catch (e) {
       const refused = e as Refused;
-      this.say(refused.status === 409 ? t.conflict(refused.message) : refused.message, true);
-      if (refused.status === 409) await this.refresh();
+      if (refused.status === 409) { this.say(t.conflict(refused.message), true); await this.refresh(); } else this.complain(refused);
       return null;
     }
   }
-  undoIt() { if (this.undo) void this.command('undo', { edit: this.undo.edit }); }
-  redoIt() { if (this.redo) void this.command('redo', { edit: this.redo.edit }); }
+  undoIt() { return this.command('undo', () => this.undo && { edit: this.undo.edit }); }
+  redoIt() { return this.command('redo', () => this.redo && { edit: this.redo.edit }); }
   confirm(part: Part, confirmed = true) { return this.command('confirm_part', { part: part.id, confirmed, version: this.version('part', part.id) }); }
   remove(part: Part) { return this.command('delete_part', { part: part.id, version: this.version('part', part.id) }); }
 

@@ -11,7 +11,7 @@ export const t = {
   export: 'Export', exportProduct: 'Product data (product.json)', shortcuts: 'Keyboard shortcuts', guide: 'First survey, step by step',
   offline: 'The station does not answer. Your confirmed edits are saved; the page goes on by itself when it is back.',
   conflict: (m: string) => `Not saved: ${m}.`,
-  othersEdit: (who: string) => `${who} changed the survey.`,
+  othersEdit: (who: string) => `${who} changed the survey on another page.`,
   tabs: { parts: 'Parts', todo: 'To do', build: 'By hand', parameters: 'Parameters', history: 'History', help: 'Help' },
   strip: { lines: (n: number) => plural(n, 'line'), parts: (n: number) => plural(n, 'part'), doubtful: (n: number) => `${n} doubtful`, none: 'no part yet', loading: '…' },
   layers: {
@@ -56,7 +56,7 @@ export const t = {
   help: { title: 'Help', search: 'Search the manual', none: 'Nothing found.', back: 'All pages', empty: 'This program was built without its manual.' },
   scene: {
     reset: 'Reset view', top: 'From above', section: 'Section', sectionOff: 'no section', measure: 'Measure', measureHint: 'Click two vertices.', cameras: 'Cameras', empty: 'Nothing to show yet.', result: (d: number, s: number | null) => `${d.toFixed(2)} mm${s === null ? '' : ` ± ${(2 * s).toFixed(2)} mm (2σ)`}`,
-    delta: (d: number[]) => `Δx ${d[0].toFixed(1)}  Δy ${d[1].toFixed(1)}  Δz ${d[2].toFixed(1)} mm`, noWebgl: 'This browser has no WebGL: the 3D view is drawn as lines.',
+    delta: (d: number[]) => `Δx ${d[0].toFixed(1)}  Δy ${d[1].toFixed(1)}  Δz ${d[2].toFixed(1)} mm`, failed: 'The 3D view could not be loaded. Load the page again.', noWebgl: 'This browser has no WebGL: the 3D view is drawn as lines.',
   },
   guideSteps: [
     { key: 'look', title: 'Look at the pictures', text: 'The strip on the left shows every picture. Click some of them; zoom with the wheel, drag to move.' },
