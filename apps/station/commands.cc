@@ -206,7 +206,8 @@ Result<Edit> Refit(const Context& c, const StationPart& old, const std::vector<C
 
 Result<Edit> DropLine(const Context& c) {
   VSS_ASSIGN(const auto old, c.workspace.FindPart(PartId(c.body)));
-  const int image = c.body.at("image"), line = c.body.at("line");
+  VSS_ASSIGN(const int image, IntOf(c.body, "image"));
+  VSS_ASSIGN(const int line, IntOf(c.body, "line"));
   const bool arc = c.body.value("circle", false);
   auto matches = old.first.part.matches;
   const auto removed = std::erase_if(matches, [&](const auto& m) { return m.image == image && m.line == line && m.is_arc == arc; });
@@ -388,12 +389,10 @@ Status Remove(LineEdits& edits, int line) {
 
 Change ChangeOf(const LineEdits& edits, std::optional<std::int64_t> version) { return {"lines", edits.file, edits.value, version}; }
 
-Vector2d PointOf(const Json& j) {
-  return {j.at(0).get<double>(), j.at(1).get<double>()};
-}
+Vector2d PointOf(const Json& j) { return {j.at(0).get<double>(), j.at(1).get<double>()}; }
 
 Result<Edit> DrawLine(const Context& c) {
-  const int image = c.body.at("image");
+  VSS_ASSIGN(const int image, IntOf(c.body, "image"));
   VSS_ASSIGN(const auto segment, c.workspace.Snap(image, PointOf(c.body.at("start")), PointOf(c.body.at("end"))));
   VSS_ASSIGN(auto edits, EditsOf(c, image));
   const int number = Draw(edits, segment);
@@ -402,14 +401,17 @@ Result<Edit> DrawLine(const Context& c) {
 }
 
 Result<Edit> RemoveLine(const Context& c) {
-  VSS_ASSIGN(auto edits, EditsOf(c, c.body.at("image")));
-  VSS_RETURN_IF_ERROR(Remove(edits, c.body.at("line")));
+  VSS_ASSIGN(const int image, IntOf(c.body, "image"));
+  VSS_ASSIGN(auto edits, EditsOf(c, image));
+  VSS_ASSIGN(const int line, IntOf(c.body, "line"));
+  VSS_RETURN_IF_ERROR(Remove(edits, line));
   return Edit{fmt::format("remove a line in {}", edits.file), {ChangeOf(edits, c.version)}};
 }
 
 Result<Edit> SplitLine(const Context& c) {
-  VSS_ASSIGN(auto edits, EditsOf(c, c.body.at("image")));
-  const int line = c.body.at("line");
+  VSS_ASSIGN(const int image, IntOf(c.body, "image"));
+  VSS_ASSIGN(auto edits, EditsOf(c, image));
+  VSS_ASSIGN(const int line, IntOf(c.body, "line"));
   const LineSegment* found = edits.lines->Find(line);
   if (!found) return UsageError("there is no line number {} in {}", line, edits.file);
   const LineSegment s = *found;
@@ -424,8 +426,10 @@ Result<Edit> SplitLine(const Context& c) {
 }
 
 Result<Edit> MergeLines(const Context& c) {
-  VSS_ASSIGN(auto edits, EditsOf(c, c.body.at("image")));
-  const int first = c.body.at("line"), second = c.body.at("with");
+  VSS_ASSIGN(const int image, IntOf(c.body, "image"));
+  VSS_ASSIGN(auto edits, EditsOf(c, image));
+  VSS_ASSIGN(const int first, IntOf(c.body, "line"));
+  VSS_ASSIGN(const int second, IntOf(c.body, "with"));
   const LineSegment *p = edits.lines->Find(first), *q = edits.lines->Find(second);
   if (!p || !q || first == second) return UsageError("two lines of {} are needed to merge them", edits.file);
   const LineSegment a = *p, b = *q;
@@ -443,20 +447,22 @@ Result<Edit> MergeLines(const Context& c) {
     return UsageError("these two lines do not lie on one straight line");
   VSS_RETURN_IF_ERROR(Remove(edits, first));
   VSS_RETURN_IF_ERROR(Remove(edits, second));
-  VSS_ASSIGN(const auto merged, c.workspace.Snap(c.body.at("image"), start, end));
+  VSS_ASSIGN(const auto merged, c.workspace.Snap(image, start, end));
   const int number = Draw(edits, merged);
   return Edit{fmt::format("merge two lines in {}", edits.file), {ChangeOf(edits, c.version)}, {{"line", number}}};
 }
 
 // Moves one end of a line to where the operator points, along the line.
 Result<Edit> ExtendLine(const Context& c) {
-  VSS_ASSIGN(auto edits, EditsOf(c, c.body.at("image")));
-  const int line = c.body.at("line");
+  VSS_ASSIGN(const int image, IntOf(c.body, "image"));
+  VSS_ASSIGN(auto edits, EditsOf(c, image));
+  VSS_ASSIGN(const int line, IntOf(c.body, "line"));
   const LineSegment* found = edits.lines->Find(line);
   if (!found) return UsageError("there is no line number {} in {}", line, edits.file);
   LineSegment s = *found;
   const Vector2d to = PointOf(c.body.at("to")), d = (s.end - s.start).normalized();
   const Vector2d on_line = s.start + d * d.dot(to - s.start);
+  if (!c.workspace.Inside(image, on_line)) return UsageError("this line leaves the picture; extend it less far");
   ((to - s.start).norm() < (to - s.end).norm() ? s.start : s.end) = on_line;
   if ((s.end - s.start).dot(d) < 3) return UsageError("a line is at least 3 px long");
   VSS_RETURN_IF_ERROR(Remove(edits, line));
@@ -541,7 +547,10 @@ Result<FitQuestion> QuestionOf(Workspace& w, const Json& body) {
   const Json& picks = body.at("picks");
   if (picks.size() > kMaxPicks) return UsageError("{} picked lines are more than the {} that a fit takes", picks.size(), kMaxPicks);
   for (const auto& p : picks) {
-    VSS_ASSIGN(auto pick, w.MakePick(p.at("image").get<int>(), p.at("line").get<int>(), p.at("contour").get<int>(), p.value("circle", false)));
+    VSS_ASSIGN(const int image, IntOf(p, "image"));
+    VSS_ASSIGN(const int line, IntOf(p, "line"));
+    VSS_ASSIGN(const int contour, IntOf(p, "contour"));
+    VSS_ASSIGN(auto pick, w.MakePick(image, line, contour, p.value("circle", false)));
     q.picks.push_back(std::move(pick));
   }
   const Json fixed = body.value("fixed", Json::object());

@@ -1,6 +1,7 @@
 #include "part_json.h"
 
 #include <algorithm>
+#include <climits>
 #include <cmath>
 
 namespace vss::station {
@@ -103,6 +104,7 @@ StationPart Parse(const Json& json, const std::vector<std::string>& files) {
   for (const auto& f : json.value("images", Json::array())) part.images.push_back(ImageIndex(f, files));
   ReadMatches(json.value("matches", Json::array()), files, part);
   if (json.contains("covariance")) part.covariance = SquareMatrix(json.at("covariance"));
+  if (const auto n = part.covariance.rows(); n > 0 && n < 6) throw std::runtime_error(fmt::format("the covariance has {} rows; a pose alone has 6", n));
   part.residual_px = json.value("residual_px", 0.0);
   part.doubtful = json.value("doubtful", false);
   part.log_odds = json.value("log_odds", 0.0);
@@ -141,6 +143,14 @@ Json PartToJson(const StationPart& station, const std::vector<std::string>& file
   }
   if (part.runner_up) out["runner_up"] = {{"kind", part.runner_up->kind}, {"log_odds", part.runner_up->log_odds}};
   return out;
+}
+
+Result<int> IntOf(const Json& json, const char* name) {
+  const auto at = json.find(name);
+  if (at == json.end() || !at->is_number_integer()) return UsageError("{} must be a whole number", name);
+  const auto value = at->get<std::int64_t>();
+  if (value < INT_MIN || value > INT_MAX || (at->is_number_unsigned() && at->get<std::uint64_t>() > INT_MAX)) return UsageError("{} is out of range", name);
+  return static_cast<int>(value);
 }
 
 Result<StationPart> PartFromJson(const Json& json, const std::vector<std::string>& files) {

@@ -24,6 +24,8 @@ struct StationPart {
 Json JsonOf(const Eigen::Vector3d& v);
 Json JsonOf(const Eigen::Matrix3d& m);
 Json PartToJson(const StationPart& part, const std::vector<std::string>& image_files);
+// A whole number of that name; an error where it is missing, a fraction, or more than an int holds.
+Result<int> IntOf(const Json& json, const char* name);
 // Errors name the field. Pictures are found by their file names.
 Result<StationPart> PartFromJson(const Json& json, const std::vector<std::string>& image_files);
 

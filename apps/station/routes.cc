@@ -11,13 +11,16 @@
 #include "station_page.h"
 #include "vss/base/files.h"
 #include "vss/image/grey_image.h"
+#include "vss/image/thumbnail.h"
 
 namespace vss::station {
 namespace {
 
-constexpr int kThumbnailPx = 176;
+constexpr int kThumbnailPx = 280, kThumbnailQuality = 82;
 constexpr double kBentPx = 0.15;  // a line that the lens bends by more is drawn as a polyline
 constexpr int kMaxHistoryRows = 500;
+constexpr std::size_t kMaxPictureBytes = 256 << 20;
+constexpr std::size_t kPngBitDepthAt = 24;  // in the header chunk, which comes first
 
 std::optional<std::int64_t> Number(std::string_view text) {
   std::int64_t value = 0;
@@ -183,14 +186,14 @@ Response Routes::Page(const Request& request) const {
 
 Response Routes::PictureBytes(int image) const {
   const auto& path = workspace_.survey().images[std::size_t(image)].path;
+  const std::vector<std::pair<std::string, std::string>> keep = {{"Cache-Control", "private, max-age=3600"}};
+  // What every browser shows goes out as it is; 16 bit, TIFF and PGM do not.
+  if (auto bytes = ReadTextFile(path, kMaxPictureBytes); bytes && bytes->size() > kPngBitDepthAt) {
+    if (bytes->compare(0, 4, "\x89PNG") == 0 && (*bytes)[kPngBitDepthAt] == 8) return {200, "image/png", std::move(*bytes), keep};
+    if (bytes->compare(0, 2, "\xff\xd8") == 0) return {200, "image/jpeg", std::move(*bytes), keep};
+  }
   const auto picture = ReadImage(path);
   if (!picture) return station::AnswerOf(picture.error());
-  const std::vector<std::pair<std::string, std::string>> keep = {{"Cache-Control", "private, max-age=3600"}};
-  if (picture->bits() == 8)
-    if (auto bytes = ReadTextFile(path, 256 << 20); bytes && bytes->size() > 4) {
-      if (bytes->compare(0, 4, "\x89PNG") == 0) return {200, "image/png", std::move(*bytes), keep};
-      if (bytes->compare(0, 2, "\xff\xd8") == 0) return {200, "image/jpeg", std::move(*bytes), keep};
-    }
   const auto png = EncodePng(picture->view());
   return {200, "image/png", std::string(png.begin(), png.end()), keep};
 }
@@ -203,18 +206,7 @@ Response Routes::Thumbnail(int image) {
   }
   const auto picture = ReadImage(workspace_.survey().images[std::size_t(image)].path);
   if (!picture) return station::AnswerOf(picture.error());
-  const GreyView view = picture->view();
-  const int factor = std::max(1, std::max(view.width, view.height) / kThumbnailPx);
-  GreyImage small(std::max(1, view.width / factor), std::max(1, view.height / factor), 8);
-  const double scale = 255.0 / view.MaxValue() / (factor * factor);
-  for (int v = 0; v < small.height(); ++v)
-    for (int u = 0; u < small.width(); ++u) {
-      std::int64_t sum = 0;
-      for (int b = 0; b < factor; ++b)
-        for (int a = 0; a < factor; ++a) sum += view.At(std::min(u * factor + a, view.width - 1), std::min(v * factor + b, view.height - 1));
-      small.Row8(v)[u] = static_cast<std::uint8_t>(std::lround(double(sum) * scale));
-    }
-  const auto bytes = EncodeJpeg(small.view(), 82);
+  const auto bytes = EncodeJpeg(ShrinkTo(picture->view(), kThumbnailPx).view(), kThumbnailQuality);
   std::string text(bytes.begin(), bytes.end());
   std::lock_guard lock(mutex_);
   thumbnails_[image] = text;

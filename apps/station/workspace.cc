@@ -382,6 +382,11 @@ void Workspace::Run(const std::string& who, const SurveyOptions& options, const 
   }
 }
 
+bool Workspace::Inside(int image, const Vector2d& img) const {
+  const Camera& camera = survey_.cameras[std::size_t(survey_.images[std::size_t(image)].camera)];
+  return img.x() >= -0.5 && img.y() >= -0.5 && img.x() <= camera.width_px - 0.5 && img.y() <= camera.height_px - 0.5;
+}
+
 Result<LineSegment> Workspace::Snap(int image, const Vector2d& start, const Vector2d& end) {
   VSS_ASSIGN(const auto lines, Lines(image));
   const Camera& camera = survey_.cameras[std::size_t(survey_.images[std::size_t(image)].camera)];
@@ -389,9 +394,7 @@ Result<LineSegment> Workspace::Snap(int image, const Vector2d& start, const Vect
   drawn.start = start;
   drawn.end = end;
   if (const auto bad = BadDrawnLine(drawn)) return UsageError("this line cannot be taken: {}; draw it again", *bad);
-  const double w = camera.width_px, h = camera.height_px;
-  for (const auto& p : {start, end})
-    if (p.x() < -0.5 || p.y() < -0.5 || p.x() > w - 0.5 || p.y() > h - 0.5) return UsageError("this line leaves the picture; draw it inside");
+  if (!Inside(image, start) || !Inside(image, end)) return UsageError("this line leaves the picture; draw it inside");
   Survey one = survey_;
   one.images = {survey_.images[std::size_t(image)]};
   VSS_ASSIGN(const auto pictures, ReadSurveyPictures(one, 1, Progress{}));

@@ -54,6 +54,8 @@ class Workspace {
 
   Result<Pick> MakePick(int image, int line, int contour, bool is_circle);
   std::vector<Pick> PicksOf(int image);  // every line of the picture, contours unassigned
+  // Whether `img` lies in the picture.
+  bool Inside(int image, const Eigen::Vector2d& img) const;
   // A straight line near start -> end (img), moved onto the sub-pixel edge where there is one.
   Result<LineSegment> Snap(int image, const Eigen::Vector2d& start, const Eigen::Vector2d& end);
 

@@ -37,6 +37,18 @@ export const api = {
   command: (name: string, args: object = {}) => ask<Record<string, unknown> & { revision: number }>('command', { do: name, ...args }),
 };
 
+// The picture that was open last is asked for before anything else is known.
+let early: { image: number; answer: Promise<Response> } | null = null;
+export function fetchEarly(image: number) {
+  early = { image, answer: fetch(`/api/pictures/${image}/image`) };
+  early.answer.catch(() => {});
+}
+export function fetchPicture(image: number): Promise<Response> {
+  const answer = early?.image === image ? early.answer : fetch(`/api/pictures/${image}/image`);
+  early = null;
+  return answer;
+}
+
 // Messages of the server; opens again by itself after the server was away.
 export function listen(message: (m: { type: string; [key: string]: unknown }) => void, connected: (yes: boolean) => void) {
   const open = () => {

@@ -1,8 +1,8 @@
 import { mount } from 'svelte';
-import { Refused } from './api';
+import { fetchEarly, Refused } from './api';
 import App from './App.svelte';
 import './app.css';
-import { station } from './station.svelte';
+import { lastImage, station } from './station.svelte';
 
 // What the server refuses while something is fetched in the background.
 window.addEventListener('unhandledrejection', (e) => {
@@ -10,4 +10,5 @@ window.addEventListener('unhandledrejection', (e) => {
   e.preventDefault();
   station.complain(e.reason);
 });
+fetchEarly(lastImage());
 mount(App, { target: document.body });

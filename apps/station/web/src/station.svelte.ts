@@ -23,6 +23,8 @@ function remember(name: string, value: unknown) {
   try { localStorage.setItem('vss.' + name, JSON.stringify(value)); } catch { /* a private window keeps nothing */ }
 }
 
+export function lastImage(): number { return remembered('page', { image: 0 }).image; }
+
 class Station {
   survey = $state.raw<Survey | null>(null);
   objects = $state.raw<KnownObject[]>([]);
@@ -61,6 +63,8 @@ class Station {
   build = $state<Build | null>(null);
   fit = $state.raw<Fit | null>(null);
   fitError = $state('');
+
+  pictured = $state(false);              // the first picture is on the screen
 
   // Set by the picture view: brings a box of the picture (px) into view.
   show: ((u0: number, v0: number, u1: number, v1: number) => void) | null = null;
@@ -101,6 +105,12 @@ class Station {
       if (yes && !this.connected) void this.refresh();
       this.connected = yes;
     });
+  }
+
+  // What is not needed for the first picture waits for it.
+  firstPictureShown() {
+    if (this.pictured) return;
+    this.pictured = true;
     void this.loadAllLines();
   }
 

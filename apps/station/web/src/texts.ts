@@ -6,6 +6,7 @@ export const t = {
   pictures: 'Pictures',
   views: { picture: 'Picture', scene: '3D', both: 'Both' },
   undo: 'Undo', redo: 'Redo', undoWhat: (label: string) => `Undo: ${label}`, redoWhat: (label: string) => `Redo: ${label}`,
+  badPicture: (file: string) => `${file} cannot be shown: it may be damaged. Copy it again.`,
   run: 'Run survey', runAgain: 'Run again', cancel: 'Cancel', running: (step: string, done: number, total: number) => `${stepNames[step] ?? step} ${done} of ${total}`,
   runDone: (m: string) => `Survey finished: ${m}.`, runFailed: (m: string) => `The survey stopped: ${m}`, runCancelled: 'The survey was cancelled. Nothing changed.',
   export: 'Export', exportProduct: 'Product data (product.json)', shortcuts: 'Keyboard shortcuts', guide: 'First survey, step by step',
