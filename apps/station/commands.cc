@@ -132,7 +132,7 @@ Status CollectAndRefit(Workspace& w, Fitted& f, const std::string& part_id) {
 Result<Fitted> Fit(Workspace& w, const Json& body) {
   Fitted f;
   VSS_ASSIGN(f.question, QuestionOf(w, body));
-  VSS_ASSIGN(f.views, w.Views(false));
+  f.views = w.Views();
   VSS_ASSIGN(f.answer, FitPicks(f.question, f.views));
   if (body.value("collect", false)) VSS_RETURN_IF_ERROR(CollectAndRefit(w, f, body.value("part", "")));
   return f;
@@ -241,7 +241,7 @@ Result<Edit> ChangeKind(const Context& c) {
   const PlacedObject before = PlacedObjectOf(old.first.part, w.knowledge());
   start.placement = before.model ? before.placement : start.placement;
   f.question.support_height_mm = start.placement[2];
-  VSS_ASSIGN(f.views, w.Views(false));
+  f.views = w.Views();
   f.answer.object = start;
   VSS_RETURN_IF_ERROR(CollectAndRefit(w, f, old.first.part.id));
   if (!f.answer.placed) return UsageError("too few lines lie on a {} at this place; pick its lines by hand", kind);
@@ -332,7 +332,7 @@ Result<Edit> MergeParts(const Context& c) {
   f.question.resting_pose = object.resting_pose;
   f.question.support_height_mm = object.placement[2];
   f.answer.object = object;
-  VSS_ASSIGN(f.views, w.Views(false));
+  f.views = w.Views();
   // The lines of both are free for the one.
   const auto taken_by_others = [&] {
     auto used = LinesOfOthers(w, pa.id);
@@ -488,18 +488,6 @@ Result<Edit> SetParameters(const Context& c) {
   return Edit{label, {{"settings", "parameters", values, c.version}}};
 }
 
-// A product.json of `vss survey` or of another station takes the place of the automatic parts.
-Result<Edit> ImportProduct(const Context& c) {
-  Product product;
-  for (const auto& j : c.body.at("product").at("parts")) {
-    VSS_ASSIGN(auto part, PartFromJson(j, c.workspace.image_files()));
-    product.parts.push_back(std::move(part.part));
-  }
-  auto changes = c.workspace.ChangesOfProduct(product);
-  if (changes.empty()) return UsageError("this product has no part that is not here already");
-  return Edit{fmt::format("import {} parts", product.parts.size()), std::move(changes)};
-}
-
 struct Command {
   const char* name;
   Result<Edit> (*run)(const Context&);
@@ -508,7 +496,7 @@ constexpr Command kCommands[] = {
     {"save_part", SavePart},     {"delete_part", DeletePart}, {"confirm_part", ConfirmPart}, {"drop_line", DropLine},
     {"refit_part", RefitPart},   {"change_kind", ChangeKind}, {"split_part", SplitPart},     {"merge_parts", MergeParts},
     {"draw_line", DrawLine},     {"remove_line", RemoveLine}, {"split_line", SplitLine},     {"merge_lines", MergeLines},
-    {"extend_line", ExtendLine}, {"set_parameters", SetParameters}, {"import_product", ImportProduct},
+    {"extend_line", ExtendLine}, {"set_parameters", SetParameters},
 };
 
 std::string Who(const Request& request) { return request.who.empty() ? "operator" : request.who; }

@@ -108,6 +108,8 @@ StationPart Parse(const Json& json, const std::vector<std::string>& files) {
   part.residual_px = json.value("residual_px", 0.0);
   part.doubtful = json.value("doubtful", false);
   part.log_odds = json.value("log_odds", 0.0);
+  part.remarks = json.value("remarks", part.remarks);
+  for (const auto& r : json.value("residuals", Json::array())) part.picture_residuals.push_back({ImageIndex(r.at("image"), files), r.at("rms_px").get<double>(), r.at("edges").get<int>()});
   if (json.contains("runner_up")) part.runner_up = RunnerUp{json.at("runner_up").at("kind"), json.at("runner_up").value("log_odds", 0.0)};
   out.confirmed = json.value("confirmed", false);
   out.doubt = json.value("doubt", "");
@@ -132,6 +134,8 @@ Json PartToJson(const StationPart& station, const std::vector<std::string>& file
   for (const auto& e : part.edges) out["edges"].push_back(e);
   for (const auto& c : part.circles) out["circles"].push_back({{"center", JsonOf(c.center)}, {"normal", JsonOf(c.normal)}, {"radius", c.radius_mm}});
   for (int i : part.images) out["images"].push_back(files.at(std::size_t(i)));
+  out["residuals"] = Json::array();
+  for (const auto& r : part.picture_residuals) out["residuals"].push_back({{"image", files.at(std::size_t(r.image))}, {"rms_px", r.rms_px}, {"edges", r.num_edges}});
   out["matches"] = MatchesToJson(part, files);
   if (part.covariance.size() > 0) {
     Json rows = Json::array();
@@ -141,6 +145,7 @@ Json PartToJson(const StationPart& station, const std::vector<std::string>& file
     }
     out["covariance"] = std::move(rows);
   }
+  if (!part.remarks.empty()) out["remarks"] = part.remarks;
   if (part.runner_up) out["runner_up"] = {{"kind", part.runner_up->kind}, {"log_odds", part.runner_up->log_odds}};
   return out;
 }

@@ -10,6 +10,7 @@
 #include "station_manual.h"
 #include "station_page.h"
 #include "vss/base/files.h"
+#include "vss/base/output_folder.h"
 #include "vss/image/grey_image.h"
 #include "vss/image/thumbnail.h"
 
@@ -43,6 +44,11 @@ std::string TypeOf(std::string_view name) {
   if (ends(".css")) return "text/css; charset=utf-8";
   if (ends(".svg")) return "image/svg+xml";
   return "application/octet-stream";
+}
+
+// What the browser keeps as a file.
+Response File(std::string type, const std::string& name, std::string text) {
+  return {200, std::move(type), std::move(text), {{"Content-Disposition", fmt::format("attachment; filename=\"{}\"", name)}}};
 }
 
 double Round(double v, double unit) { return std::round(v / unit) * unit; }
@@ -153,10 +159,10 @@ Response Routes::Dispatch(const Request& request) {
   if (name == "measure") return AnswerOf(Measure(request));
   if (name == "history") return station::AnswerOf(History(request));
   if (name == "manual") return station::AnswerOf(Manual());
-  if (name == "product.json") {
-    Response file{200, "application/json", ProductToJson(workspace_.ProductNow(), workspace_.image_files()), {}};
-    file.headers.emplace_back("Content-Disposition", "attachment; filename=\"product.json\"");
-    return file;
+  if (name == "product.json") return File("application/json", "product.json", ProductToJson(workspace_.ProductNow(), workspace_.image_files()));
+  if (name == "report.html") {
+    auto report = workspace_.Report();
+    return report ? File("text/html; charset=utf-8", "report.html", std::move(report->html)) : station::AnswerOf(report.error());
   }
   if (name.rfind("pictures/", 0) == 0) {
     const std::size_t slash = name.find('/', 9);
@@ -166,6 +172,11 @@ Response Routes::Dispatch(const Request& request) {
     if (what == "image") return PictureBytes(int(*image));
     if (what == "thumb") return Thumbnail(int(*image));
     if (what == "lines") return AnswerOf(LinesOf(int(*image)));
+    if (what == "overlay.svg") {
+      auto report = workspace_.Report();
+      if (!report) return station::AnswerOf(report.error());
+      return File("image/svg+xml", OutputNames(workspace_.image_files())[std::size_t(*image)] + ".svg", std::move(report->overlays[std::size_t(*image)]));
+    }
     if (what == "projection") return AnswerOf(ProjectionOf(int(*image)));
   }
   return NotFound("there is nothing of that name");
@@ -256,7 +267,7 @@ Result<Json> Routes::LinesOf(int image) {
 }
 
 Result<Json> Routes::ProjectionOf(int image) {
-  VSS_ASSIGN(const auto views, workspace_.Views(false));
+  const std::vector<View> views = workspace_.Views();
   const View& view = views[std::size_t(image)];
   std::vector<std::pair<std::string, WorldSolid>> solids;
   Occluders occluders;

@@ -118,7 +118,7 @@ class HostileMaker {
   // Commands of known names whose every argument is wrong.
   Json Wrong() {
     Json body = {{"do", One({"save_part", "delete_part", "confirm_part", "drop_line", "refit_part", "change_kind", "split_part", "merge_parts", "draw_line", "remove_line",
-                             "split_line", "merge_lines", "extend_line", "set_parameters", "import_product", "no_such", "../run"})}};
+                             "split_line", "merge_lines", "extend_line", "set_parameters", "no_such", "../run"})}};
     for (const char* name : {"part", "with", "kind", "image", "line", "start", "end", "at", "to", "share", "values", "product", "picks", "fixed", "dimensions"})
       if (Pick(4) > 0) body[name] = Value();
     return body;

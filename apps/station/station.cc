@@ -5,7 +5,6 @@
 
 #include "http_server.h"
 #include "routes.h"
-#include "vss/base/files.h"
 #include "workspace.h"
 
 namespace vss::station {
@@ -13,15 +12,7 @@ namespace {
 
 Status ImportAtStart(Workspace& workspace, const std::filesystem::path& product) {
   if (product.empty() || !workspace.Parts().empty()) return {};
-  VSS_ASSIGN(const auto text, ReadTextFile(product));
-  Product read;
-  const Json json = Json::parse(text, nullptr, false);
-  if (!json.is_object() || !json.contains("parts")) return InputError("{}: not a product.json; name the file that `vss survey` wrote", product.string());
-  for (const auto& j : json["parts"]) {
-    auto part = PartFromJson(j, workspace.image_files());
-    if (!part) return InputError("{}: {}", product.string(), part.error().message);
-    read.parts.push_back(std::move(part->part));
-  }
+  VSS_ASSIGN(const Product read, ReadProduct(product, workspace.image_files()));
   const auto revision = workspace.store().Apply("vss", fmt::format("import {} parts of {}", read.parts.size(), product.filename().string()), workspace.ChangesOfProduct(read));
   if (!revision) return tl::unexpected<Error>({ErrorCode::kInternal, revision.error().message});
   return {};

@@ -100,6 +100,13 @@ bool KeptByPerson(const StationPart& p) { return p.confirmed || p.part.source !=
 
 Eigen::Vector3d VectorOf(const Json& j) { return {j.at(0).get<double>(), j.at(1).get<double>(), j.at(2).get<double>()}; }
 
+RigidTransform TransformFromJson(const Json& j) {
+  RigidTransform t;
+  t.translation = VectorOf(j.at("translation"));
+  for (int i = 0; i < 3; ++i) t.rotation.row(i) = VectorOf(j.at("rotation").at(std::size_t(i))).transpose();
+  return t;
+}
+
 Json JsonOfUnknown(const UnknownGroup& u) { return {{"center", JsonOf(u.center)}, {"extent", JsonOf(u.extent)}, {"num_lines", u.num_lines}}; }
 
 }  // namespace
@@ -236,21 +243,14 @@ Result<std::pair<StationPart, std::int64_t>> Workspace::FindPart(const std::stri
   return std::pair(std::move(part), item->version);
 }
 
-Result<std::vector<View>> Workspace::Views(bool with_lines) {
-  std::vector<std::shared_ptr<const LineImage>> keep(survey_.images.size());
-  std::vector<LineImage> none(survey_.images.size());
-  std::vector<View> views = MakeViews(survey_, none);
+std::vector<View> Workspace::Views() const {
+  std::vector<View> views = MakeViews(survey_, std::vector<LineImage>(survey_.images.size()));
+  const auto run = store_->Get("settings", "run");
+  const Json places = run ? run->value->value("cam_from_world", Json::array()) : Json::array();
   for (auto& view : views) {
-    view.lines = nullptr;
-    if (!with_lines) continue;
-    VSS_ASSIGN(const auto lines, Lines(view.image));
-    auto flat = std::make_shared<const LineImage>(FlatLines(*lines));
-    view.lines = flat.get();
-    keep[std::size_t(view.image)] = std::move(flat);
-  }
-  if (with_lines) {
-    std::lock_guard lock(mutex_);
-    view_lines_ = std::move(keep);
+    const bool known = places.size() == views.size();
+    const RigidTransform cam_from_world = known ? TransformFromJson(places[std::size_t(view.image)]) : view.cam_from_world;
+    view = MakeView(view.image, *view.camera, cam_from_world, view.stop, nullptr);
   }
   return views;
 }
@@ -286,10 +286,48 @@ Product Workspace::ProductNow() const {
   product.survey = survey_.name;
   product.warnings = survey_.warnings;
   for (auto& p : Parts()) product.parts.push_back(std::move(p.part));
-  if (const auto run = store_->Get("settings", "run"))
+  std::int64_t version = 0;
+  product.seams = FindSeams(product, knowledge_, OptionsOfLastRun(&version).seams);
+  if (const auto run = store_->Get("settings", "run")) {
+    product.warnings = run->value->value("warnings", product.warnings);
     for (const auto& u : run->value->value("unknown", Json::array()))
       product.unknown.push_back({VectorOf(u["center"]), VectorOf(u["extent"]), u.value("num_lines", 0)});
+  }
   return product;
+}
+
+Result<ReportFiles> Workspace::Report() {
+  Product product = ProductNow();
+  std::vector<LineImage> lines;
+  std::vector<std::vector<int>> numbers(survey_.images.size());
+  for (std::size_t i = 0; i < survey_.images.size(); ++i) {
+    VSS_ASSIGN(const auto edited, Lines(int(i)));
+    lines.push_back(FlatLines(*edited, &numbers[i]));
+  }
+  // The station's numbers of lines to places in `lines`; a line that was removed is left out.
+  for (auto& part : product.parts)
+    std::erase_if(part.matches, [&](ContourMatch& m) {
+      if (m.is_arc) return false;
+      const auto& of = numbers[std::size_t(m.image)];
+      const auto at = std::find(of.begin(), of.end(), m.line);
+      m.line = int(at - of.begin());
+      return at == of.end();
+    });
+  std::vector<View> views = Views();
+  for (auto& view : views) view.lines = &lines[std::size_t(view.image)];
+  std::int64_t version = 0;
+  ReportInput input;
+  input.product = &product;
+  input.knowledge = &knowledge_;
+  input.views = views;
+  input.lines = lines;
+  input.image_files = image_files_;
+  if (const auto run = store_->Get("settings", "run"))
+    for (const auto& s : run->value->value("steps", Json::array())) input.step_seconds.emplace_back(s.value("step", ""), s.value("seconds", 0.0));
+  input.parameters = SurveyParameters(OptionsOfLastRun(&version));
+  input.picture = [this](int image) { return ReadSurveyPicture(survey_, image); };
+  input.num_cameras = int(survey_.cameras.size());
+  return MakeReport(input, options_.threads);
 }
 
 std::string Workspace::FreePartId(const std::vector<std::string>& also_taken) const {
@@ -358,6 +396,11 @@ Status Workspace::StartRun(const std::string& who, std::function<void(const Json
   return {};
 }
 
+void Workspace::KeepLines(std::vector<LineImage> lines, std::int64_t run_version) {
+  std::lock_guard lock(mutex_);
+  for (std::size_t i = 0; i < lines.size(); ++i) found_[i] = {run_version, std::make_shared<const LineImage>(std::move(lines[i])), -1, nullptr};
+}
+
 void Workspace::Run(const std::string& who, const SurveyOptions& options, const std::function<void(const Json&)>& tell) {
   Progress progress;
   progress.cancel = &cancel_;
@@ -366,16 +409,18 @@ void Workspace::Run(const std::string& who, const SurveyOptions& options, const 
   };
   auto fail = [&](const Error& e) { Tell(tell, {{"state", e.code == ErrorCode::kCancelled ? "cancelled" : "failed"}, {"message", e.message}}); };
   try {
-    const auto outcome = RunSurvey(survey_, options, progress);
+    auto outcome = RunSurvey(survey_, options, progress);
     if (!outcome) return fail(outcome.error());
     Json run = {{"parameters", Json::object()}, {"unknown", Json::array()}, {"steps", Json::array()}, {"warnings", outcome->product.warnings}};
     for (const auto& p : SurveyParameters(options)) run["parameters"][p.name] = p.value;
     for (const auto& u : outcome->product.unknown) run["unknown"].push_back(JsonOfUnknown(u));
+    for (const auto& t : outcome->cam_from_world) run["cam_from_world"].push_back({{"rotation", JsonOf(t.rotation)}, {"translation", JsonOf(t.translation)}});
     for (const auto& s : outcome->steps) run["steps"].push_back({{"step", s.step}, {"seconds", s.seconds}});
     std::vector<Change> changes = ChangesOfProduct(outcome->product);
     changes.push_back({"settings", "run", run, {}});
     const auto revision = store_->Apply(who, fmt::format("survey: {} parts", outcome->product.parts.size()), changes);
     if (!revision) return fail({ErrorCode::kInternal, revision.error().message});
+    KeepLines(std::move(outcome->lines), *revision);
     Tell(tell, {{"state", "done"}, {"message", fmt::format("{} parts found", outcome->product.parts.size())}, {"revision", *revision}});
   } catch (const std::exception& e) {
     fail({ErrorCode::kInternal, e.what()});

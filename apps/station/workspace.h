@@ -14,6 +14,7 @@
 #include "projection.h"
 #include "store.h"
 #include "vss/base/parameters.h"
+#include "vss/product/report.h"
 #include "vss/survey/run_survey.h"
 
 namespace vss::station {
@@ -46,8 +47,8 @@ class Workspace {
   std::vector<StationPart> Parts() const;
   // The part of that id, with the version of its item.
   Result<std::pair<StationPart, std::int64_t>> FindPart(const std::string& id) const;
-  // All pictures; with their line images (found where they are not yet) or with null in their place.
-  Result<std::vector<View>> Views(bool with_lines);
+  // All pictures without their line images, at the places that the last run found, or that the survey says.
+  std::vector<View> Views() const;
 
   // The values that the next run takes: defaults, then the survey file, then what the operator set.
   Result<SurveyOptions> Options() const;
@@ -59,8 +60,10 @@ class Workspace {
   // A straight line near start -> end (img), moved onto the sub-pixel edge where there is one.
   Result<LineSegment> Snap(int image, const Eigen::Vector2d& start, const Eigen::Vector2d& end);
 
-  // The product as it stands, for files and exports.
+  // The product as it stands, with its seams, for files and exports.
   Product ProductNow() const;
+  // The report and the overlays of the product as it stands.
+  Result<ReportFiles> Report();
 
   // A run of the whole survey in the background; `tell` gets its progress as JSON. Parts that a person made, corrected
   // or confirmed stay as they are. The outcome is one edit, which can be undone.
@@ -74,6 +77,7 @@ class Workspace {
  private:
   Workspace() = default;
   void Run(const std::string& who, const SurveyOptions& options, const std::function<void(const Json&)>& tell);
+  void KeepLines(std::vector<LineImage> lines, std::int64_t run_version);
   void Tell(const std::function<void(const Json&)>& tell, Json state);
   SurveyOptions OptionsOfLastRun(std::int64_t* version) const;
   Result<std::shared_ptr<const LineImage>> FoundLines(int image);
@@ -93,7 +97,6 @@ class Workspace {
     std::shared_ptr<const EditedLines> edited;
   };
   std::vector<Found> found_;  // by image
-  std::vector<std::shared_ptr<const LineImage>> view_lines_;
   std::thread runner_;
   std::atomic<bool> cancel_{false};
   Json run_state_ = {{"state", "none"}};

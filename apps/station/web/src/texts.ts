@@ -9,7 +9,7 @@ export const t = {
   badPicture: (file: string) => `${file} cannot be shown: it may be damaged. Copy it again.`,
   run: 'Run survey', runAgain: 'Run again', cancel: 'Cancel', running: (step: string, done: number, total: number) => `${stepNames[step] ?? step} ${done} of ${total}`,
   runDone: (m: string) => `Survey finished: ${m}.`, runFailed: (m: string) => `The survey stopped: ${m}`, runCancelled: 'The survey was cancelled. Nothing changed.',
-  export: 'Export', exportProduct: 'Product data (product.json)', shortcuts: 'Keyboard shortcuts', guide: 'First survey, step by step',
+  export: 'Export', exports: { product: 'Product data (product.json)', report: 'Report with pictures (report.html)', overlay: 'Overlay of this picture (SVG)' }, shortcuts: 'Keyboard shortcuts', guide: 'First survey, step by step',
   offline: 'The station does not answer. Your confirmed edits are saved; the page goes on by itself when it is back.',
   conflict: (m: string) => `Not saved: ${m}.`,
   othersEdit: (who: string) => `${who} changed the survey on another page.`,
