@@ -1,0 +1,63 @@
+// vss simulate: pictures with truth, of a scene drawn from a seed.
+#include <cstdio>
+
+#include "command.h"
+#include "vss/simulate/random_scene.h"
+#include "vss/simulate/simulate.h"
+
+namespace vss::cli {
+namespace {
+
+struct SimulateArguments {
+  std::string out;
+  std::optional<std::uint64_t> seed;
+  std::optional<int> parts;
+  std::string layout;
+  bool clutter = false, tidy = false;
+  double min_thickness_mm = RandomSceneOptions{}.min_thickness_mm;
+};
+
+Result<SimulatedScene> DrawnScene(const SimulateArguments& a, const KnowledgeBase& knowledge) {
+  RandomSceneOptions options;
+  options.seed = *a.seed;
+  options.num_parts = a.parts;
+  options.min_thickness_mm = a.min_thickness_mm;
+  if (a.clutter) options.clutter = true;
+  if (a.tidy) options.clutter = false;
+  if (!a.layout.empty()) {
+    VSS_ASSIGN(options.layout, LayoutNamed(a.layout));
+  }
+  return DrawRandomScene(options, knowledge);
+}
+
+Status RunSimulate(const SimulateArguments& a, const Common& common) {
+  const Progress progress = MakeProgress(common);
+  VSS_ASSIGN(const KnowledgeBase knowledge, LoadKnowledge({}, "."));
+  VSS_ASSIGN(const SimulatedScene scene, DrawnScene(a, knowledge));
+  VSS_ASSIGN(OutputFolder out, OutputFolder::Open(a.out));
+  VSS_RETURN_IF_ERROR(AddSimulatedSurvey(scene, common.threads, progress, out));
+  VSS_RETURN_IF_ERROR(out.Commit());
+  fmt::print("{}: {} parts in {} pictures\n", out.path().string(), scene.parts.size(), scene.pictures.size());
+  return {};
+}
+
+const Registration registration([](CLI::App& app, Common& common) {
+  auto* command = app.add_subcommand("simulate", "Render a scene as a survey folder with its truth");
+  auto a = std::make_shared<SimulateArguments>();
+  command->add_option("--random", a->seed, "Draw a scene from this seed")->required();
+  command->add_option("--parts", a->parts, "How many parts the drawn scene has (left out: 5 to 15)")
+      ->check(CLI::Range(0, 200));
+  command->add_option("--layout", a->layout, "mixed, panel, stacked, round or bare (left out: drawn)")
+      ->check(CLI::IsMember({"mixed", "panel", "stacked", "round", "bare"}));
+  auto* clutter =
+      command->add_flag("--clutter", a->clutter, "With cables, painted lines, stones, offcuts and rust");
+  command->add_flag("--tidy", a->tidy, "Without them (neither given: drawn)")->excludes(clutter);
+  command->add_option("--min-thickness", a->min_thickness_mm, "Of plates, webs and flanges, mm")
+      ->capture_default_str()
+      ->check(CLI::Range(3, 60));
+  command->add_option("-o,--out", a->out, "Folder for the survey")->required();
+  command->callback([a, &common] { Finish(RunSimulate(*a, common)); });
+});
+
+}  // namespace
+}  // namespace vss::cli
