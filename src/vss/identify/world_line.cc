@@ -26,6 +26,10 @@ constexpr double kMinOverlap = 0.4;
 // Pieces of one edge may be this far apart, relative to what is already known of it.
 constexpr double kMaxGapShare = 0.3;
 constexpr double kMinGapMm = 60;
+// Of each picture so many of its longest segments are paired with those of the others: every pair of segments
+// of every pair of pictures is a candidate, and parts are made of long edges, texture of short ones. All
+// others still join the edges that these found.
+constexpr std::size_t kMaxPaired = 600;
 
 struct Candidate {
   Direction kind = Direction::kHorizontal;
@@ -44,7 +48,12 @@ class Finder {
     for (std::size_t i = 0; i < views.size(); ++i)
       for (std::size_t k = 0; k < views.size(); ++k)
         if (k != i && rooms_[i].intersects(rooms_[k])) together_[i].push_back(int(k));
+    for (std::size_t i = 0; i < views.size(); ++i)
+      paired_.push_back(Longest(indices[i], options.min_length_px));
   }
+
+  // The segments of view `i` that may start an edge.
+  std::span<const int> Paired(std::size_t i) const { return paired_[i]; }
 
   // The best explanation of line `line` of view `i` as an edge in the world.
   std::optional<Candidate> Explain(int i, int line) const {
@@ -55,9 +64,8 @@ class Finder {
       const std::size_t j = std::size_t(j_index);
       const double baseline = (views_[j].center_in_world - view.center_in_world).norm();
       if (baseline < 1e-6) continue;
-      const auto& lines = indices_[j].lines();
-      for (int k = 0; k < indices_[j].num_segments(); ++k)
-        PairUp(view, a, views_[j], lines[std::size_t(k)], candidates);
+      for (const int k : paired_[j])
+        PairUp(view, a, views_[j], indices_[j].lines()[std::size_t(k)], candidates);
     }
     return Best(i, line, candidates);
   }
@@ -177,6 +185,20 @@ class Finder {
   }
 
  private:
+  static std::vector<int> Longest(const LineIndex& index, double min_length_px) {
+    std::vector<int> segments;
+    for (int k = 0; k < index.num_segments(); ++k)
+      if (index.lines()[std::size_t(k)].length_px >= min_length_px) segments.push_back(k);
+    if (segments.size() > kMaxPaired) {
+      std::stable_sort(segments.begin(), segments.end(), [&](int a, int b) {
+        return index.lines()[std::size_t(a)].length_px > index.lines()[std::size_t(b)].length_px;
+      });
+      segments.resize(kMaxPaired);
+      std::sort(segments.begin(), segments.end());
+    }
+    return segments;
+  }
+
   const ViewLine& LineOf(const LineRef& r) const {
     return indices_[std::size_t(r.view)].lines()[std::size_t(r.line)];
   }
@@ -400,6 +422,7 @@ class Finder {
   const WorldLineOptions& options_;
   std::vector<Eigen::AlignedBox3d> rooms_;  // by view
   std::vector<std::vector<int>> together_;  // by view: those that may show the same
+  std::vector<std::vector<int>> paired_;    // by view: the segments that may start an edge
 };
 
 }  // namespace
@@ -423,10 +446,7 @@ std::vector<WorldLine> FindWorldLines(std::span<const View> views, std::span<con
   std::vector<std::vector<std::optional<Candidate>>> explained(views.size());
   ParallelFor(views.size(), threads, [&](std::size_t i) {
     if (progress.Cancelled()) return;
-    explained[i].resize(std::size_t(indices[i].num_segments()));
-    for (std::size_t k = 0; k < explained[i].size(); ++k)
-      if (indices[i].lines()[k].length_px >= options.min_length_px)
-        explained[i][k] = finder.Explain(int(i), int(k));
+    for (const int k : finder.Paired(i)) explained[i].push_back(finder.Explain(int(i), k));
   });
   std::vector<const Candidate*> order;
   for (const auto& view : explained)
