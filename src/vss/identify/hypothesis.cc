@@ -242,7 +242,7 @@ class Seeder {
         const View& view = context_.scene.views[v];
         for (int k = 0; k < kSteps; ++k) {
           const Vector3d x = p + (q - p) * ((k + 0.5) / kSteps);
-          if (!view.ProjectInside(x)) continue;
+          if (!view.Shows(x)) continue;
           const auto here = view.ProjectIdeal(x), ahead = view.ProjectIdeal(x + (q - p) * 1e-3);
           if (!here || !ahead) continue;
           ++inside;

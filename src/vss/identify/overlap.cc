@@ -52,7 +52,7 @@ double SharedVolume(const Volume& a, const Volume& b, double touch_mm) {
   if (!common.isEmpty() && common.volume() > kOneFrame * a.box.merged(b.box).volume()) return 1;
   if (common.isEmpty() || (common.sizes().array() < touch_mm).any()) return 0;
   // Halton's points (1960) fill the room evenly, whatever lies parallel in it.
-  constexpr int kPoints = 1500;
+  constexpr int kPoints = 500;
   auto halton = [](int i, int base) {
     double share = 0, step = 1;
     for (; i > 0; i /= base) {

@@ -187,13 +187,16 @@ class SceneSolver {
       context.others = &known.others;
       context.claims = &known.claims;
     }
-    std::vector<std::pair<std::size_t, Hypothesis>> seeds;  // template, seed
-    for (std::size_t i = 0; i < templates_.size(); ++i) {
+    std::vector<std::vector<Hypothesis>> by_template(templates_.size());
+    ParallelFor(templates_.size(), threads_, [&](std::size_t i) {
       // How a part lies less often is asked only of lines that nothing else explains.
       if (!templates_[i].model->MayStandOn(on) || (templates_[i].resting_pose > 0 && known.claims.empty()))
-        continue;
-      for (auto& h : Promising(Seeds(templates_[i], context, z), context)) seeds.push_back({i, std::move(h)});
-    }
+        return;
+      by_template[i] = Seeds(templates_[i], context, z);
+    });
+    std::vector<std::pair<std::size_t, Hypothesis>> seeds;  // template, seed
+    for (std::size_t i = 0; i < templates_.size(); ++i)
+      for (auto& h : Promising(std::move(by_template[i]), context)) seeds.push_back({i, std::move(h)});
     std::vector<std::vector<Hypothesis>> finished(seeds.size());
     std::atomic<int> done{0};
     ParallelFor(seeds.size(), threads_, [&](std::size_t i) {
@@ -472,6 +475,9 @@ class SceneSolver {
       Choice other = Choose(loser);
       if (Worth(other) > Worth(best)) best = std::move(other);
     }
+    if (getenv("VSS_DUMP")) { //DBG
+      for (std::size_t i = 0; i < items_.size(); ++i) { auto& it = items_[i]; fprintf(stderr, "ITEM %zu %s on %d rest %d log %.1f at %.0f %.0f %.0f yaw %.1f tilt %.2f :", i, it.kind.c_str(), it.support_item, it.h.object.resting_pose, it.h.log_odds, it.h.object.placement[0], it.h.object.placement[1], it.h.object.placement[2], it.h.object.placement[3] * 57.2958, it.h.object.placement[4] * 57.2958); for (double d : it.h.object.dimensions_mm) fprintf(stderr, " %.1f", d); fprintf(stderr, "\n"); } //DBG
+      for (int a : best.accepted) fprintf(stderr, "ACC %d\n", a); } //DBG
     accepted_ = std::move(best.accepted);
     std::sort(accepted_.begin(), accepted_.end());
     for (auto& item : items_) item.accepted = false;

@@ -67,6 +67,12 @@ std::optional<Eigen::Vector2d> View::ProjectInside(const Eigen::Vector3d& point_
   return img;
 }
 
+bool View::Shows(const Eigen::Vector3d& point_in_world) const {
+  const auto ideal = ProjectIdeal(point_in_world);
+  if (!ideal || !maybe_inside.contains(*ideal)) return false;
+  return surely_inside.contains(*ideal) || ProjectInside(point_in_world).has_value();
+}
+
 Eigen::Vector3d View::RayOfIdeal(const Eigen::Vector2d& ideal) const {
   const Eigen::Vector2d n = camera->intrinsics.NormalizedFromIdeal(ideal);
   return (cam_from_world.rotation.transpose() * Eigen::Vector3d(n.x(), n.y(), 1)).normalized();

@@ -26,6 +26,8 @@ struct View {
   std::optional<Eigen::Vector2d> ProjectIdeal(const Eigen::Vector3d& point_in_world) const;
   // World point to `img` px; empty behind the camera, beyond the lens or outside the picture.
   std::optional<Eigen::Vector2d> ProjectInside(const Eigen::Vector3d& point_in_world) const;
+  // Whether ProjectInside() gives a point; faster.
+  bool Shows(const Eigen::Vector3d& point_in_world) const;
   // Unit direction in the world of an `ideal` px.
   Eigen::Vector3d RayOfIdeal(const Eigen::Vector2d& ideal) const;
 };

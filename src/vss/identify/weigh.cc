@@ -150,7 +150,7 @@ bool MovesWithLamps(const WorldLine& line, std::span<const View> views) {
     if (v.stop == stop) continue;
     int inside = 0;
     for (int k = 0; k < kSteps; ++k)
-      inside += v.ProjectInside(line.start + (line.end - line.start) * ((k + 0.5) / kSteps)).has_value();
+      inside += v.Shows(line.start + (line.end - line.start) * ((k + 0.5) / kSteps));
     lookers += inside >= kSteps - 1;
   }
   return lookers >= kMinLookers;
@@ -204,7 +204,7 @@ std::vector<int> ViewsThatSee(const WorldSolid& solid, std::span<const View> vie
     int inside = 0;
     double size = 0;
     for (const auto& p : points) {
-      if (!views[i].ProjectInside(p)) continue;
+      if (!views[i].Shows(p)) continue;
       ++inside;
       size += views[i].camera->intrinsics.fx_px / (p - views[i].center_in_world).norm();
     }

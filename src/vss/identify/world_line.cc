@@ -337,7 +337,7 @@ class Finder {
     std::vector<int> seen;
     for (int s = 0; s <= kSteps; ++s) {
       const Vector3d x = start + (end - start) * (s / double(kSteps));
-      if (!view.ProjectInside(x)) continue;
+      if (!view.Shows(x)) continue;
       const auto p = view.ProjectIdeal(x), q = view.ProjectIdeal(x + (end - start) * 1e-3);
       if (!p || !q || (*q - *p).norm() < 1e-12) continue;
       const LineHit hit =
