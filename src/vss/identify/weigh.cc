@@ -348,7 +348,7 @@ double PriorLogOdds(const PlacedObject& object, double mm_per_px) {
   constexpr double kFlatPx = 4,
                    kFlat =
                        10;  // a pixel: what is hardly higher than a pixel may be paint, a shadow or a cable
-  constexpr double kBarPx = 6, kBar = 20;  // a pixel: a bar as thin as that both ways may be a cable
+  constexpr double kBarPx = 10, kBar = 20;  // a pixel: a bar as thin as that both ways may be a cable
   double prior = object.resting_pose > 0 ? -kOtherPose : 0;
   for (double d : object.dimensions_mm)
     prior -= kPerDimension + kUnseenDimension * std::clamp(2 - std::abs(d) / mm_per_px, 0.0, 1.0);
@@ -526,7 +526,9 @@ Evidence WeighContours(const WorldSolid& solid, std::span<const int> views, cons
     out.edges.push_back(e);
   }
   out.log_odds += options.prior_log_odds;
-  out.elevated_log_odds += options.prior_log_odds;
+  // Paint must be where an object's foot would be, which is half of what the prior asks for.
+  constexpr double kElevatedPrior = 0.5;
+  out.elevated_log_odds += kElevatedPrior * options.prior_log_odds;
   return out;
 }
 
