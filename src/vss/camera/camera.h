@@ -43,6 +43,10 @@ struct Camera {
   Eigen::Vector3d gantry_middle_mm = Eigen::Vector3d::Zero();
 };
 
+// The camera that takes pictures smaller by a whole factor, each pixel the mean of factor x factor (image's Reduced());
+// what its calibration knows of its quality is left out.
+Camera Reduced(const Camera& camera, int factor);
+
 // The carriage: at displacement g every camera has moved by axes * g in the world.
 struct Gantry {
   Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();

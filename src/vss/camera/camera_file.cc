@@ -261,6 +261,20 @@ std::string QualityToToml(const CalibrationQuality& quality) {
 
 }  // namespace
 
+Camera Reduced(const Camera& camera, int factor) {
+  Camera out = camera;
+  out.width_px /= factor;
+  out.height_px /= factor;
+  Intrinsics& k = out.intrinsics;
+  k.fx_px /= factor;
+  k.fy_px /= factor;
+  k.cx_px = (k.cx_px + 0.5) / factor - 0.5;
+  k.cy_px = (k.cy_px + 0.5) / factor - 0.5;
+  k.pixel_pitch_v_mm *= factor;
+  out.quality.reset();
+  return out;
+}
+
 std::optional<Eigen::Matrix<double, 6, 6>> PlaceCovariance(const Camera& camera, const Gantry& gantry,
                                                            const Eigen::Vector3d& g_mm) {
   const int lens = 4 + camera.intrinsics.num_distortion;

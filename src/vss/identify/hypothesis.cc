@@ -749,6 +749,35 @@ std::optional<Hypothesis> Reseat(const Hypothesis& hypothesis, const SeedContext
   return h;
 }
 
+namespace {
+
+// A tall part may lean by a degree or so, which moves its top against its foot further than lines are looked
+// for.
+template <class Weigh>
+void RefineLean(Hypothesis& h, const SeedContext& context, const Weigh& weigh) {
+  constexpr double kUsualLean = 1 * kPi / 180, kMaxLean = 3 * kPi / 180;
+  constexpr double kLeans =
+      10;  // log-odds that leaning must bring: two more parameters, and most parts stand upright
+  constexpr double kFirstReach = 4, kLastReach = 1;  // tolerances
+  const double tolerance = context.scene.tolerance_px;
+  const WorldSolid upright = PlaceSolid(h.object, false);
+  double top = h.object.placement[2];
+  for (const auto& v : upright.vertices) top = std::max(top, v.point.z());
+  if ((top - h.object.placement[2]) * kUsualLean < tolerance * context.mm_per_px) return;
+  std::vector<bool> free(std::size_t(h.object.StateSize()), true);
+  free[2] = false;
+  PlacedObject leaning = h.object;
+  FitToLines(leaning, h.views, context.scene, free, kFirstReach * tolerance, kLastReach * tolerance, 8,
+             context.others);
+  if (leaning.placement.tail<2>().norm() > kMaxLean || !Allowed(leaning)) return;
+  const double after = weigh(leaning);
+  if (after < h.log_odds + kLeans) return;
+  h.log_odds = after;
+  h.object = leaning;
+}
+
+}  // namespace
+
 void RefineAndWeigh(Hypothesis& h, const SeedContext& context) {
   std::vector<bool> free(std::size_t(h.object.StateSize()), true);
   free[2] = free[4] = free[5] = false;
@@ -773,6 +802,7 @@ void RefineAndWeigh(Hypothesis& h, const SeedContext& context) {
     h.log_odds = after;
     h.object = fitted;
   }
+  RefineLean(h, context, weigh);
 }
 
 }  // namespace vss

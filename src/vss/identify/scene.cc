@@ -96,6 +96,8 @@ class SceneSolver {
 
  private:
   static constexpr int kGround = -1;
+  static constexpr double kBarely =
+      5;  // natural logarithm of the odds: as good as nothing between two readings
   static constexpr int kMaxRounds = 4;  // what stands on what stands on what stands on the ground
 
   // What accepted parts hide and which lines they explain.
@@ -473,11 +475,8 @@ class SceneSolver {
       const int loser = losers.front().second;
       tried_.insert(loser);
       Choice other = Choose(loser);
-      if (Worth(other) > Worth(best)) best = std::move(other);
+      if (Worth(other) > Worth(best) + kBarely) best = std::move(other);
     }
-    if (getenv("VSS_DUMP")) { //DBG
-      for (std::size_t i = 0; i < items_.size(); ++i) { auto& it = items_[i]; fprintf(stderr, "ITEM %zu %s on %d rest %d log %.1f at %.0f %.0f %.0f yaw %.1f tilt %.2f :", i, it.kind.c_str(), it.support_item, it.h.object.resting_pose, it.h.log_odds, it.h.object.placement[0], it.h.object.placement[1], it.h.object.placement[2], it.h.object.placement[3] * 57.2958, it.h.object.placement[4] * 57.2958); for (double d : it.h.object.dimensions_mm) fprintf(stderr, " %.1f", d); fprintf(stderr, "\n"); } //DBG
-      for (int a : best.accepted) fprintf(stderr, "ACC %d\n", a); } //DBG
     accepted_ = std::move(best.accepted);
     std::sort(accepted_.begin(), accepted_.end());
     for (auto& item : items_) item.accepted = false;
@@ -522,10 +521,9 @@ class SceneSolver {
       part.stands_on = item.support_item < 0 ? -1 : items_[std::size_t(item.support_item)].part;
       const WorldSolid solid = PlaceSolid(part.object, false);
       part.views = ViewsThatSee(solid, views_, int(views_.size()));
-      const Evidence evidence = Weigh(
-          solid, part.views, scene_,
-          {.keep_matches = true, .prior_log_odds = PriorLogOdds(part.object, scene_.mm_per_px)}, &everything);
-      part.matches = evidence.matches;
+      const Evidence evidence =
+          Weigh(solid, part.views, scene_, {.prior_log_odds = PriorLogOdds(part.object, scene_.mm_per_px)},
+                &everything);
       part.log_odds = evidence.Score();
       for (const auto& other : items_) {
         if (other.accepted || other.kind == item.kind) continue;
@@ -533,7 +531,6 @@ class SceneSolver {
         if (SharedVolume(item.volume, other.volume, kTouchMm) < 0.3) continue;
         part.runner_up = RunnerUp{other.kind, other.h.log_odds};
       }
-      constexpr double kBarely = 5;  // natural logarithm: as good as nothing between two kinds
       part.doubtful = part.log_odds < options_.doubtful_log_odds ||
                       (part.runner_up && std::abs(part.runner_up->log_odds - item.h.log_odds) < kBarely);
       result.parts.push_back(std::move(part));
@@ -577,6 +574,24 @@ std::span<const ParameterOf<IdentifyOptions>> IdentifyParameters() {
        "Below this an object is reported as doubtful."},
   };
   return rows;
+}
+
+std::vector<std::vector<ContourMatch>> MatchLines(std::span<const View> views,
+                                                  std::span<const PlacedObject> objects,
+                                                  const IdentifyOptions& options, int threads) {
+  const SceneIndex scene = MakeSceneIndex(views, TolerancePx(views, options), threads);
+  std::vector<WorldSolid> solids;
+  for (const auto& object : objects) solids.push_back(PlaceSolid(object, false));
+  std::vector<std::vector<ContourMatch>> matches(objects.size());
+  ParallelFor(objects.size(), threads, [&](std::size_t i) {
+    Occluders others;
+    for (std::size_t k = 0; k < solids.size(); ++k)
+      if (k != i) others.Add(solids[k], int(k));
+    matches[i] = Weigh(solids[i], ViewsThatSee(solids[i], views, int(views.size())), scene,
+                       {.keep_matches = true}, &others)
+                     .matches;
+  });
+  return matches;
 }
 
 Result<SceneResult> IdentifyScene(std::span<const View> views, const KnowledgeBase& knowledge,

@@ -25,7 +25,7 @@ std::span<const ParameterOf<IdentifyOptions>> IdentifyParameters();
 struct IdentifiedPart {
   PlacedObject object;
   int stands_on = -1;                 // index of another identified part, -1: the ground
-  std::vector<ContourMatch> matches;  // `image` is the index into the views
+  std::vector<ContourMatch> matches;  // of MatchLines()
   std::vector<int> views;             // that see it
   double log_odds = 0;
   bool doubtful = false;
@@ -38,6 +38,12 @@ struct SceneResult {
 };
 
 // Deterministic for any number of threads. An error only on cancel.
+// For each object, which lines of the views lie on its visible contour; `ContourMatch::image` is the index
+// into the views. For the objects as they are reported: after reconstruction.
+std::vector<std::vector<ContourMatch>> MatchLines(std::span<const View> views,
+                                                  std::span<const PlacedObject> objects,
+                                                  const IdentifyOptions& options, int threads);
+
 Result<SceneResult> IdentifyScene(std::span<const View> views, const KnowledgeBase& knowledge,
                                   const IdentifyOptions& options, int threads, const Progress& progress);
 

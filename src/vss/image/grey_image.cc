@@ -204,6 +204,14 @@ cv::Mat Eight(const GreyView& image) {
 }
 }  // namespace
 
+GreyImage Reduced(const GreyView& image, int factor) {
+  GreyImage out(image.width / factor, image.height / factor, image.bits);
+  const GreyView to = out.view();
+  cv::Mat small = MatOf(to);
+  cv::resize(MatOf(image)(cv::Rect(0, 0, to.width * factor, to.height * factor)), small, small.size(), 0, 0, cv::INTER_AREA);
+  return out;
+}
+
 std::vector<std::uint8_t> EncodePng(const GreyView& image) {
   std::vector<std::uint8_t> bytes;
   cv::imencode(".png", Eight(image), bytes);

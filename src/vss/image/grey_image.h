@@ -53,6 +53,9 @@ Result<ImageSize> ReadImageSize(const std::filesystem::path& path);
 // sRGB grey values to values proportional to light, 16 bit (IEC 61966-2-1).
 GreyImage LinearFromSrgb(const GreyView& srgb);
 
+// Smaller by a whole factor >= 1: each pixel the mean of factor x factor; what is left over at the right and below is dropped.
+GreyImage Reduced(const GreyView& image, int factor);
+
 // PNG bytes of a picture (for reports and overlays). 8 bit.
 std::vector<std::uint8_t> EncodePng(const GreyView& image);
 std::vector<std::uint8_t> EncodeJpeg(const GreyView& image, int quality);

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "vss/base/parallel.h"
+#include "vss/identify/weigh.h"
 #include "vss/product/make_part.h"
 #include "vss/product/seams.h"
 
@@ -78,6 +79,55 @@ Status ForEachPicture(std::size_t count, std::string_view step, int threads, con
   });
   if (progress.Cancelled()) return Cancelled();
   return {};
+}
+
+// The survey as identification looks at it. Pixels much finer than the edges of cut steel are straight show
+// more texture than edges, and take their time; so large pictures of that kind are reduced.
+struct ReducedSurvey {
+  std::vector<Camera> cameras;
+  std::vector<LineImage> lines;
+  std::vector<View> views;
+};
+
+int ReductionFactor(std::span<const View> views) {
+  constexpr double kStraightMm =
+      1;                           // thermal cuts: ISO 9013, tolerances of squareness of 4 to 25 mm of plate
+  constexpr int kEnoughPx = 1000;  // of a picture's longer side
+  int size = 0;
+  for (const auto& v : views) size = std::max({size, v.camera->width_px, v.camera->height_px});
+  return std::max(1, std::min(size / kEnoughPx, static_cast<int>(kStraightMm / TypicalMmPerPx(views))));
+}
+
+Result<ReducedSurvey> Reduce(const Survey& survey, const std::vector<GreyImage>& pictures,
+                             std::span<const View> views, int factor, const SurveyOptions& options,
+                             const Progress& progress) {
+  ReducedSurvey out;
+  for (const auto& camera : survey.cameras) out.cameras.push_back(Reduced(camera, factor));
+  out.lines.resize(pictures.size());
+  VSS_RETURN_IF_ERROR(
+      ForEachPicture(pictures.size(), "reduced pictures", options.threads, progress, [&](std::size_t i) {
+        thread_local LineWorkspace workspace;
+        const Camera& camera = out.cameras[static_cast<std::size_t>(survey.images[i].camera)];
+        out.lines[i] = DetectLines(Reduced(pictures[i].view(), factor).view(), &camera.intrinsics,
+                                   options.lines, &workspace);
+      }));
+  for (std::size_t i = 0; i < views.size(); ++i)
+    out.views.push_back(MakeView(views[i].image,
+                                 out.cameras[static_cast<std::size_t>(survey.images[i].camera)],
+                                 views[i].cam_from_world, views[i].stop, &out.lines[i]));
+  return out;
+}
+
+// Which lines lie on which part as reconstruction has it, in the pictures as it has them.
+void Match(const Reconstruction& reconstruction, std::vector<View> views, const SurveyOptions& options,
+           std::vector<IdentifiedPart>& parts) {
+  for (std::size_t i = 0; i < views.size(); ++i)
+    views[i] = MakeView(views[i].image, *views[i].camera, reconstruction.cam_from_world[i], views[i].stop,
+                        views[i].lines);
+  std::vector<PlacedObject> objects;
+  for (const auto& part : reconstruction.parts) objects.push_back(part.object);
+  auto matches = MatchLines(views, objects, options.identify, options.threads);
+  for (std::size_t i = 0; i < parts.size(); ++i) parts[i].matches = std::move(matches[i]);
 }
 
 }  // namespace
@@ -167,14 +217,21 @@ Result<SurveyOutcome> RunSurvey(const Survey& survey, const SurveyOptions& optio
   VSS_ASSIGN(outcome.lines, DetectSurveyLines(survey, pictures, options, progress));
   watch.Stop("lines");
   const std::vector<View> views = MakeViews(survey, outcome.lines);
-  VSS_ASSIGN(const SceneResult scene,
-             IdentifyScene(views, outcome.knowledge, options.identify, options.threads, progress));
+  std::optional<ReducedSurvey> reduced;
+  if (const int factor = ReductionFactor(views); factor > 1) {
+    VSS_ASSIGN(reduced, Reduce(survey, pictures, views, factor, options, progress));
+    watch.Stop("reduced pictures");
+  }
+  VSS_ASSIGN(SceneResult scene,
+             IdentifyScene(std::span<const View>(reduced ? reduced->views : views), outcome.knowledge,
+                           options.identify, options.threads, progress));
   watch.Stop("identify");
   std::vector<GreyView> grey;
   for (const auto& picture : pictures) grey.push_back(picture.view());
   VSS_ASSIGN(const Reconstruction reconstruction,
              ReconstructScene(views, grey, scene.parts, options.reconstruct, options.threads, progress));
   outcome.cam_from_world = reconstruction.cam_from_world;
+  Match(reconstruction, views, options, scene.parts);
   watch.Stop("reconstruct");
   outcome.product = MakeProduct(scene, reconstruction, views);
   outcome.product.survey = survey.name;
