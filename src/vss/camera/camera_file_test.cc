@@ -184,5 +184,22 @@ TEST_F(CameraFile, SaysThatAFileIsMissing) {
   EXPECT_THAT(camera.error().message, AllOf(HasSubstr("none.toml"), HasSubstr("there is no such file")));
 }
 
+TEST(Camera, ReducedSeesTheMeanOfThePixels) {
+  Camera camera;
+  camera.width_px = 641;
+  camera.height_px = 480;
+  camera.intrinsics = {LensModel::kOpenCv, 500, 510, 321, 238, {-0.1, 0.01}, 2};
+  constexpr int kFactor = 3;
+  const Camera small = Reduced(camera, kFactor);
+  EXPECT_EQ(small.width_px, 213);
+  EXPECT_EQ(small.height_px, 160);
+  const Eigen::Vector3d point(300, -200, 1000);
+  const auto large_px = camera.intrinsics.Project(point), small_px = small.intrinsics.Project(point);
+  ASSERT_TRUE(large_px && small_px);
+  // The middle of the first block of 3 x 3 pixels is pixel (1, 1) there and (0, 0) here.
+  EXPECT_NEAR(small_px->x(), (large_px->x() - 1) / kFactor, 1e-9);
+  EXPECT_NEAR(small_px->y(), (large_px->y() - 1) / kFactor, 1e-9);
+}
+
 }  // namespace
 }  // namespace vss

@@ -133,5 +133,16 @@ TEST(ShrinkTo, KeepsTheMeanAndNeverEnlarges) {
   EXPECT_EQ(ShrinkTo(image.view(), 400).width(), 40);
 }
 
+TEST(GreyImage, IsReducedToMeansAndDropsWhatIsLeftOver) {
+  GreyImage image(7, 5, 16);
+  for (int v = 0; v < 5; ++v)
+    for (int u = 0; u < 7; ++u) image.Row16(v)[u] = static_cast<std::uint16_t>(1000 * v + 10 * u);
+  const GreyImage small = Reduced(image.view(), 2);
+  ASSERT_EQ(small.width(), 3);
+  ASSERT_EQ(small.height(), 2);
+  EXPECT_EQ(small.view().At(0, 0), 505);
+  EXPECT_EQ(small.view().At(2, 1), 2545);
+}
+
 }  // namespace
 }  // namespace vss
