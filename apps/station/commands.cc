@@ -28,6 +28,10 @@ struct Context {
   std::optional<std::int64_t> version;  // of the item that the page saw
 };
 
+std::string WithArticle(const std::string& kind) {
+  return (kind.find_first_of("aeiou") == 0 ? "an " : "a ") + kind;
+}
+
 std::string PartId(const Json& body) { return body.at("part").get<std::string>(); }
 
 Change ChangeOf(const Workspace& w, const StationPart& part, std::optional<std::int64_t> version) {
@@ -216,6 +220,18 @@ Result<Edit> DropLine(const Context& c) {
   return Refit(c, old.first, matches, fmt::format("drop a line of {}", old.first.part.id));
 }
 
+// Where a dimension was given by hand the lines alone are fitted: measuring takes nothing as given.
+Result<Edit> MeasurePart(const Context& c) {
+  VSS_ASSIGN(auto old, c.workspace.FindPart(PartId(c.body)));
+  StationPart& p = old.first;
+  if (std::any_of(p.part.dimensions.begin(), p.part.dimensions.end(), [](const auto& d) { return d.origin == "given by the operator"; }))
+    return UsageError("a dimension of {} was given by hand; fit its lines in place of measuring it", p.part.id);
+  VSS_ASSIGN(p.part, c.workspace.Measured(p.part));
+  if (p.part.source == "automatic") p.part.source = "corrected";
+  p.doubt = DoubtOf(p.part);
+  return Edit{fmt::format("measure {} {}", p.part.kind, p.part.id), {ChangeOf(c.workspace, p, c.version)}};
+}
+
 Result<Edit> RefitPart(const Context& c) {
   VSS_ASSIGN(const auto old, c.workspace.FindPart(PartId(c.body)));
   return Refit(c, old.first, old.first.part.matches, fmt::format("fit {} again", old.first.part.id), true);
@@ -254,7 +270,7 @@ Result<Edit> ChangeKind(const Context& c) {
   part.part.source = old.first.part.source == "manual" ? "manual" : "corrected";
   part.confirmed = true;
   part.doubt = "";
-  return Edit{fmt::format("{} is a {}, not a {}", part.part.id, kind, old.first.part.kind), {ChangeOf(w, part, c.version)}};
+  return Edit{fmt::format("{} is {}, not {}", part.part.id, WithArticle(kind), WithArticle(old.first.part.kind)), {ChangeOf(w, part, c.version)}};
 }
 
 // Cuts a part across its length at `share` into two of the same section; a cut that the operator sees in the pictures.
@@ -295,14 +311,13 @@ Result<Edit> SplitPart(const Context& c) {
     }
     auto& cut = part.part.dimensions[length];
     cut.observable = false;
-    cut.origin = "where the operator split the part; fit it again to measure it";
+    cut.origin = "where the operator split the part; measure it";
     part.part.source = "corrected";
     part.part.stands_on = old.first.part.stands_on;
     part.part.images = old.first.part.images;
     part.part.id = half == 0 ? old.first.part.id : FreeId(w);
     part.confirmed = false;
-    part.part.doubtful = true;
-    part.doubt = "It was split; fit it again or pick the lines at the cut.";
+    part.doubt = "It was split: measure it, or pick the lines at the cut.";
     edit.changes.push_back(ChangeOf(w, part, half == 0 ? c.version : std::optional<std::int64_t>(0)));
   }
   return edit;
@@ -494,7 +509,7 @@ struct Command {
 };
 constexpr Command kCommands[] = {
     {"save_part", SavePart},     {"delete_part", DeletePart}, {"confirm_part", ConfirmPart}, {"drop_line", DropLine},
-    {"refit_part", RefitPart},   {"change_kind", ChangeKind}, {"split_part", SplitPart},     {"merge_parts", MergeParts},
+    {"refit_part", RefitPart}, {"measure_part", MeasurePart},   {"change_kind", ChangeKind}, {"split_part", SplitPart},     {"merge_parts", MergeParts},
     {"draw_line", DrawLine},     {"remove_line", RemoveLine}, {"split_line", SplitLine},     {"merge_lines", MergeLines},
     {"extend_line", ExtendLine}, {"set_parameters", SetParameters},
 };
@@ -541,6 +556,7 @@ Result<FitQuestion> QuestionOf(Workspace& w, const Json& body) {
     VSS_ASSIGN(auto pick, w.MakePick(image, line, contour, p.value("circle", false)));
     q.picks.push_back(std::move(pick));
   }
+  if (body.contains("image")) { VSS_ASSIGN(q.present_image, IntOf(body, "image")); }
   const Json fixed = body.value("fixed", Json::object());
   for (const auto& [name, value] : fixed.items()) q.fixed_mm[name] = value.get<double>();
   if (const std::string id = body.value("part", ""); !id.empty() && body.value("keep_start", true)) {

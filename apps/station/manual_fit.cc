@@ -342,12 +342,15 @@ void AddHints(const FitQuestion& q, const std::vector<View>& views, const Prior&
   for (Eigen::Index k = 3; k < Eigen::Index(prior.free.size()); ++k) {
     const std::size_t dimension = std::size_t(prior.free[std::size_t(k)] - kPlacementSize);
     if (answer.observable[dimension]) continue;
-    double best = kObservableShare * prior.sigma[k];
+    const double enough = kObservableShare * std::min(prior.sigma[k], answer.object.dimensions_mm[dimension]);
+    // Where a line of the present picture is enough, nobody has to look for a better one elsewhere.
+    std::pair best{true, 0.98 * kObservableShare * prior.sigma[k]};
     const Candidate* chosen = nullptr;
     for (const auto& c : candidates) {
       const MatrixXd with = information + c.rows.transpose() * c.rows;
       const double sigma = std::sqrt(std::max(0.0, with.ldlt().solve(VectorXd::Unit(with.rows(), k))[k]));
-      if (sigma < 0.98 * best) best = sigma, chosen = &c;
+      const std::pair rank{c.image != q.present_image || sigma >= enough, sigma};
+      if (rank < best) best = rank, chosen = &c;
     }
     if (chosen) answer.hints.push_back({std::string(q.model->dimensions()[dimension].name), chosen->image, chosen->contour, false});
   }

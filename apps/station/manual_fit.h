@@ -30,6 +30,7 @@ struct FitQuestion {
   double support_height_mm = 0;                // of what the part stands on
   std::vector<Pick> picks;
   std::map<std::string, double> fixed_mm;      // dimensions that the operator gave
+  int present_image = -1;                      // that the operator looks at; hints prefer it
   std::optional<PlacedObject> start;           // where it was before; left out: found from the picks
 };
 

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "snap.h"
+#include "vss/product/make_part.h"
 
 namespace vss::station {
 namespace {
@@ -294,6 +295,42 @@ Product Workspace::ProductNow() const {
       product.unknown.push_back({VectorOf(u["center"]), VectorOf(u["extent"]), u.value("num_lines", 0)});
   }
   return product;
+}
+
+Result<Part> Workspace::Measured(const Part& part) const {
+  std::int64_t version = 0;
+  const SurveyOptions options = OptionsOfLastRun(&version);
+  const std::vector<LineImage> no_lines(survey_.images.size());
+  const std::vector<View> views = MakeViews(survey_, no_lines);
+  std::vector<IdentifiedPart> found;
+  std::map<std::string, int> index;
+  std::vector<StationPart> parts = Parts();
+  std::erase_if(parts, [&](const auto& p) { return !knowledge_.Find(p.part.kind); });
+  for (const auto& p : parts) {
+    index[p.part.id] = int(found.size());
+    IdentifiedPart one;
+    one.object = PlacedObjectOf(p.part, knowledge_);
+    one.matches = p.part.matches;
+    one.views = p.part.images;  // the pictures are the views, in their order
+    one.log_odds = p.part.log_odds;
+    found.push_back(std::move(one));
+  }
+  for (std::size_t i = 0; i < parts.size(); ++i)
+    if (const auto at = index.find(parts[i].part.stands_on); at != index.end()) found[i].stands_on = at->second;
+  const auto mine = index.find(part.id);
+  if (mine == index.end()) return UsageError("the knowledge base has no kind \"{}\"; it cannot be measured", part.kind);
+  VSS_ASSIGN(const auto pictures, ReadSurveyPictures(survey_, options_.threads, Progress{}));
+  std::vector<GreyView> grey;
+  for (const auto& picture : pictures) grey.push_back(picture.view());
+  VSS_ASSIGN(const Reconstruction all, ReconstructScene(views, grey, found, options.reconstruct, options_.threads, Progress{}));
+  const ReconstructedPart& measured = all.parts[std::size_t(mine->second)];
+  if (measured.views.empty()) return UsageError("no picture shows edges of {} where it is; correct its lines first", part.id);
+  Part out = part;
+  SetReconstruction(measured, views, out);
+  for (const auto& m : out.matches)  // a picture with a line of the part stays one of its pictures
+    if (std::find(out.images.begin(), out.images.end(), m.image) == out.images.end()) out.images.push_back(m.image);
+  std::sort(out.images.begin(), out.images.end());
+  return out;
 }
 
 Result<ReportFiles> Workspace::Report() {

@@ -62,6 +62,9 @@ class Workspace {
 
   // The product as it stands, with its seams, for files and exports.
   Product ProductNow() const;
+  // The part measured in the grey values of all pictures, jointly with the other parts and the cameras, as the survey's
+  // last step does; its kind, support and matches stay.
+  Result<Part> Measured(const Part& part) const;
   // The report and the overlays of the product as it stands.
   Result<ReportFiles> Report();
 

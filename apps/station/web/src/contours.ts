@@ -1,4 +1,5 @@
 // Which contour of an object a person should pick next.
+import { distanceToSegment } from './lines';
 import type { Piece, Pick } from './types';
 
 export interface Contour { index: number; circle: boolean }
@@ -16,10 +17,12 @@ function direction(points: number[]): number {
 }
 
 // Visible contours that no pick has yet: those of a direction that is still rare first, among them the longest.
-export function nextContour(drawing: Piece[], picks: Pick[], present: Contour | null): Contour | null {
+// `seen`: the projected contours of the present picture, where the part is placed already; then only visible ones.
+export function nextContour(drawing: Piece[], picks: Pick[], present: Contour | null, seen: Piece[] = []): Contour | null {
   const shown = new Map<string, { contour: Contour; length: number; direction: number }>();
+  const here = new Set(seen.filter((p) => !p.hidden).map((p) => `${p.source}${p.index}`));
   for (const p of drawing) {
-    if (p.hidden || p.source === 'limb') continue;
+    if (p.source === 'limb' || (here.size > 0 ? !here.has(`${p.source}${p.index}`) : p.hidden)) continue;
     const key = `${p.source}${p.index}`, had = shown.get(key), l = length(p.points);
     if (!had || l > had.length) shown.set(key, { contour: { index: p.index, circle: p.source === 'circle' }, length: l + (had?.length ?? 0), direction: direction(p.points) });
   }
@@ -29,4 +32,38 @@ export function nextContour(drawing: Piece[], picks: Pick[], present: Contour | 
   if (open.length === 0) return present;
   open.sort((a, b) => like(a.direction) - like(b.direction) || b.length - a.length || a.contour.index - b.contour.index);
   return open[0].contour;
+}
+
+// Mean distance (px) of a line's points from a projected contour; infinite where it runs another way or lies beyond.
+function distanceFrom(pieces: Piece[], contour: Contour, points: number[]): number {
+  const source = contour.circle ? 'circle' : 'edge', mine = pieces.filter((p) => p.source === source && p.index === contour.index && !p.hidden);
+  if (mine.length === 0 || points.length < 4) return Infinity;
+  let sum = 0;
+  const samples = 5;
+  for (let k = 0; k < samples; k++) {
+    const at = Math.min(points.length / 2 - 2, Math.floor((k / (samples - 1)) * (points.length / 2 - 1))), w = (k / (samples - 1)) * (points.length / 2 - 1) - at;
+    const u = (1 - w) * points[2 * at] + w * points[2 * at + 2], v = (1 - w) * points[2 * at + 1] + w * points[2 * at + 3];
+    let least = Infinity;
+    for (const { points: q } of mine) for (let i = 0; i + 3 < q.length; i += 2) least = Math.min(least, distanceToSegment(u, v, q[i], q[i + 1], q[i + 2], q[i + 3]));
+    sum += least;
+  }
+  return sum / samples;
+}
+
+const nearPx = 6;      // a first fit lies so near to its lines
+const distinctPx = 1;  // two contours whose distances differ by less cannot be told apart
+
+// The one visible contour on which a line lies; null where there is none, or where two would do.
+export function contourAt(pieces: Piece[], points: number[], circle: boolean): Contour | null {
+  const contours = new Map<number, Contour>();
+  for (const p of pieces) if (!p.hidden && p.source === (circle ? 'circle' : 'edge')) contours.set(p.index, { index: p.index, circle });
+  const ranked = [...contours.values()].map((contour) => ({ contour, distance: distanceFrom(pieces, contour, points) })).sort((a, b) => a.distance - b.distance);
+  if (ranked.length === 0 || ranked[0].distance > nearPx || (ranked.length > 1 && ranked[1].distance - ranked[0].distance < distinctPx)) return null;
+  return ranked[0].contour;
+}
+
+// Whether a line may as well be the contour that the operator chose as the one on which it lies.
+export function samePlace(there: Contour, chosen: Contour, pieces: Piece[], points: number[]): boolean {
+  if (there.circle === chosen.circle && there.index === chosen.index) return true;
+  return distanceFrom(pieces, chosen, points) - distanceFrom(pieces, there, points) < nearPx;
 }

@@ -1,6 +1,7 @@
 // The state of the page: what the server says, and what the operator looks at.
 import { api, listen, Refused, setWho } from './api';
-import { LineIndex, type ColourBy, type Found } from './lines';
+import { contourAt, samePlace, type Contour } from './contours';
+import { arcPoints, LineIndex, linePoints, type ColourBy, type Found } from './lines';
 import { tasksOf, type Unknown } from './queue';
 import { t } from './texts';
 import type { Fit, Hint, Item, KnownObject, Lines, Parameter, Part, Pick, Projection, Run, ScenePart, State, Survey } from './types';
@@ -13,7 +14,7 @@ export interface Toast { text: string; bad: boolean; id: number }
 export interface LoadedLines extends Lines { index: LineIndex; stamp: string }
 
 export interface Build {
-  kind: string; part: string; standsOn: string; restingPose: string; picks: Pick[]; fixed: Record<string, number>; contour: { index: number; circle: boolean } | null;
+  kind: string; part: string; standsOn: string; restingPose: string; picks: Pick[]; fixed: Record<string, number>; contour: { index: number; circle: boolean } | null; chosen?: boolean;  // chosen: by the operator, not by the page
 }
 
 function remembered<T>(name: string, otherwise: T): T {
@@ -122,7 +123,7 @@ class Station {
 
   say(text: string, bad = false) {
     const id = Math.random();
-    this.toasts = [...this.toasts.slice(-3), { text, bad, id }];
+    this.toasts = [...this.toasts.filter((x) => x.text !== text).slice(-2), { text, bad, id }];
     setTimeout(() => (this.toasts = this.toasts.filter((x) => x.id !== id)), bad ? 9000 : 4500);
   }
 
@@ -220,7 +221,7 @@ class Station {
   }
 
   async nextTask() {
-    if (this.tasks.length === 0) { this.say(t.queue.empty); this.tab = 'todo'; return; }
+    if (this.tasks.length === 0) { this.tab = 'todo'; return; }
     const at = this.tasks.findIndex((x) => x.id === this.selected);
     await this.openTask(this.tasks[(at + 1) % this.tasks.length].id);
   }
@@ -304,7 +305,7 @@ class Station {
   private question(collect = false) {
     const b = this.build!;
     return {
-      kind: b.kind, part: b.part || undefined, stands_on: b.standsOn, resting_pose: b.restingPose || undefined, fixed: b.fixed, collect,
+      kind: b.kind, part: b.part || undefined, stands_on: b.standsOn, resting_pose: b.restingPose || undefined, fixed: b.fixed, collect, image: this.image,
       picks: b.picks.map(({ image, line, contour, circle }) => ({ image, line, contour, circle })),
     };
   }
@@ -318,6 +319,7 @@ class Station {
       if (asked !== this.asked || !this.build) return;
       this.fit = fit; this.fitError = '';
       this.build.picks = fit.picks;
+      if (this.build.contour && !this.build.chosen) this.advance?.();
     } catch (e) {
       if (asked === this.asked) this.fitError = (e as Error).message;
     }
@@ -333,11 +335,33 @@ class Station {
       void this.ask();
       return;
     }
+    const there = this.contourOf(line, circle);
+    if (there && (!b.contour || !samePlace(there, b.contour, this.fit?.projections[String(this.image)] ?? [], this.pointsOf(line, circle)))) {
+      if (b.contour) this.say(t.build.taken(t.build.contourName(there.circle, there.index)));
+      b.contour = there;
+    }
     if (!b.contour) { this.say(t.build.contourHint); return; }
     if (b.contour.circle !== circle) { this.say(b.contour.circle ? 'This contour is a rim: click a curved line.' : 'This contour is straight: click a straight line.', true); return; }
     b.picks.push({ image: this.image, line, contour: b.contour.index, circle });
     this.advance?.();
     void this.ask();
+  }
+  private pointsOf(line: number, circle: boolean): number[] {
+    const lines = this.lines.get(this.image), row = (circle ? lines?.arcs : lines?.segments)?.find((r) => r[0] === line);
+    return row ? (circle ? arcPoints(row) : linePoints(row)) : [];
+  }
+  // The contour of the fitted part on which that line of the present picture lies.
+  contourOf(line: number, circle: boolean): Contour | null {
+    return this.fit?.placed ? contourAt(this.fit.projections[String(this.image)] ?? [], this.pointsOf(line, circle), circle) : null;
+  }
+  // Lines of the present picture; those that lie on a contour of the fitted part are picked.
+  pickAll(lines: Found[]) {
+    const b = this.build;
+    if (!b) return;
+    const fresh = lines.filter((l) => !b.picks.some((p) => p.image === this.image && p.line === l.line && p.circle === l.circle))
+      .map((l) => ({ ...l, contour: this.contourOf(l.line, l.circle) })).filter((l) => l.contour);
+    b.picks.push(...fresh.map((l) => ({ image: this.image, line: l.line, contour: l.contour!.index, circle: l.circle })));
+    if (fresh.length > 0) { this.advance?.(); void this.ask(); }
   }
   advance: (() => void) | null = null;  // set by the build panel: goes to the contour to pick next
 
@@ -351,8 +375,9 @@ class Station {
     this.tab = 'parts';
   }
 
+  chooseContour(index: number, circle: boolean) { if (this.build) { this.build.contour = { index, circle }; this.build.chosen = true; } }
   goHint(hint: Hint) {
-    if (this.build) this.build.contour = { index: hint.contour, circle: hint.circle };
+    this.chooseContour(hint.contour, hint.circle);
     this.go(hint.image);
   }
 }
