@@ -1,15 +1,16 @@
-// vss simulate: pictures with truth, of a scene drawn from a seed.
+// vss simulate: pictures with truth, of a scene file or of a scene drawn from a seed.
 #include <cstdio>
 
 #include "command.h"
 #include "vss/simulate/random_scene.h"
+#include "vss/simulate/scene_file.h"
 #include "vss/simulate/simulate.h"
 
 namespace vss::cli {
 namespace {
 
 struct SimulateArguments {
-  std::string out;
+  std::string scene, out;
   std::optional<std::uint64_t> seed;
   std::optional<int> parts;
   std::string layout;
@@ -17,7 +18,10 @@ struct SimulateArguments {
   double min_thickness_mm = RandomSceneOptions{}.min_thickness_mm;
 };
 
-Result<SimulatedScene> DrawnScene(const SimulateArguments& a, const KnowledgeBase& knowledge) {
+Result<LoadedScene> SceneOf(const SimulateArguments& a) {
+  if (a.seed.has_value() == !a.scene.empty())
+    return UsageError("name either a scene file or --random SEED: vss simulate SCENE.toml -o DIR");
+  if (!a.seed) return ReadScene(a.scene);
   RandomSceneOptions options;
   options.seed = *a.seed;
   options.num_parts = a.parts;
@@ -27,15 +31,19 @@ Result<SimulatedScene> DrawnScene(const SimulateArguments& a, const KnowledgeBas
   if (!a.layout.empty()) {
     VSS_ASSIGN(options.layout, LayoutNamed(a.layout));
   }
-  return DrawRandomScene(options, knowledge);
+  LoadedScene loaded;
+  VSS_ASSIGN(loaded.knowledge, LoadKnowledge({}, "."));
+  VSS_ASSIGN(loaded.scene, DrawRandomScene(options, loaded.knowledge));
+  return loaded;
 }
 
 Status RunSimulate(const SimulateArguments& a, const Common& common) {
   const Progress progress = MakeProgress(common);
-  VSS_ASSIGN(const KnowledgeBase knowledge, LoadKnowledge({}, "."));
-  VSS_ASSIGN(const SimulatedScene scene, DrawnScene(a, knowledge));
+  VSS_ASSIGN(const LoadedScene loaded, SceneOf(a));
+  const SimulatedScene& scene = loaded.scene;
   VSS_ASSIGN(OutputFolder out, OutputFolder::Open(a.out));
-  VSS_RETURN_IF_ERROR(AddSimulatedSurvey(scene, common.threads, progress, out));
+  if (const auto added = AddSimulatedSurvey(scene, common.threads, progress, out); !added)
+    return tl::unexpected(added.error());
   VSS_RETURN_IF_ERROR(out.Commit());
   fmt::print("{}: {} parts in {} pictures\n", out.path().string(), scene.parts.size(), scene.pictures.size());
   return {};
@@ -44,7 +52,8 @@ Status RunSimulate(const SimulateArguments& a, const Common& common) {
 const Registration registration([](CLI::App& app, Common& common) {
   auto* command = app.add_subcommand("simulate", "Render a scene as a survey folder with its truth");
   auto a = std::make_shared<SimulateArguments>();
-  command->add_option("--random", a->seed, "Draw a scene from this seed")->required();
+  command->add_option("SCENE", a->scene, "Scene file (vss-scene/1)");
+  command->add_option("--random", a->seed, "Draw a scene from this seed instead");
   command->add_option("--parts", a->parts, "How many parts the drawn scene has (left out: 5 to 15)")
       ->check(CLI::Range(0, 200));
   command->add_option("--layout", a->layout, "mixed, panel, stacked, round or bare (left out: drawn)")

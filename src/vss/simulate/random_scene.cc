@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "vss/simulate/random.h"
 
@@ -54,10 +55,12 @@ class SceneDrawer {
             "to draw",
             kind);
     scene_.seed = options_.seed;
-    scene_.name = fmt::format("random {}", options_.seed);
     layout_ = options_.layout.value_or(random_.Pick({Layout::kMixed, Layout::kMixed, Layout::kPanel,
                                                      Layout::kStacked, Layout::kStacked, Layout::kRound}));
     clutter_ = options_.clutter.value_or(random_.Chance(0.5));
+    static constexpr const char* kNames[] = {"mixed", "panel", "stacked", "round", "bare"};
+    scene_.name =
+        fmt::format("random {}, {}{}", options_.seed, kNames[int(layout_)], clutter_ ? ", clutter" : "");
     const int drawn = random_.Integer(5, 15);
     wanted_ = layout_ == Layout::kBare ? 0 : options_.num_parts.value_or(drawn);
     AddRandomRig(options_.seed, options_.stops, options_.size_px, scene_);
@@ -88,8 +91,8 @@ class SceneDrawer {
     const bool light_floor = random_.Chance(0.25);
     scene_.ground = {light_floor ? random_.Uniform(0.4, 0.55) : random_.Uniform(0.09, 0.18), 0,
                      random_.Uniform(0.03, 0.08),
-                     clutter_ ? random_.Uniform(0.15, 0.4) : random_.Uniform(0, 0.1)};
-    steel_albedo_ = light_floor ? random_.Uniform(0.12, 0.25) : random_.Uniform(0.3, 0.55);
+                     clutter_ ? random_.Uniform(0.1, light_floor ? 0.2 : 0.4) : random_.Uniform(0, 0.1)};
+    steel_albedo_ = light_floor ? random_.Uniform(0.15, 0.28) : random_.Uniform(0.3, 0.55);
     steel_grain_ = random_.Uniform(0.02, 0.08);
     steel_patches_ = clutter_ ? random_.Uniform(0.1, 0.4) : random_.Uniform(0, 0.1);
     steel_gloss_ = random_.Chance(0.5) ? 0 : random_.Uniform(0.01, 0.1);
@@ -182,14 +185,7 @@ class SceneDrawer {
     return {object.placement.head<2>() + Turned(box.center(), object.placement[3]), object.placement[3],
             box.sizes() / 2};
   }
-  static double HeightOf(const PlacedObject& object) {
-    double top = 0;
-    const WorldSolid solid = PlaceSolid(object, false);
-    for (const auto& f : solid.faces)
-      for (const auto& t : f.triangles)
-        for (const auto& p : t) top = std::max(top, p.z());
-    return top - object.placement[2];
-  }
+  static double HeightOf(const PlacedObject& object) { return vss::TopOf(object) - object.placement[2]; }
 
   bool Within(const Footprint& inner, const Footprint& outer, double margin_mm) const {
     for (int i = 0; i < 2; ++i) {
@@ -228,9 +224,7 @@ class SceneDrawer {
   }
 
   double TopOf(int support) const {
-    if (support < 0) return 0;
-    const PlacedObject& object = scene_.parts[std::size_t(support)].object;
-    return object.placement[2] + HeightOf(object);
+    return support < 0 ? 0 : vss::TopOf(scene_.parts[std::size_t(support)].object);
   }
 
   PlacedObject Object(const std::string& kind, std::vector<double> dimensions_mm) const {
@@ -475,6 +469,48 @@ Result<SimulatedScene> DrawRandomScene(const RandomSceneOptions& options, const 
   return SceneDrawer(options, knowledge).Run();
 }
 
+double TopOf(const PlacedObject& object) {
+  double top = -std::numeric_limits<double>::infinity();
+  const WorldSolid solid = PlaceSolid(object, false);
+  for (const auto& f : solid.faces)
+    for (const auto& t : f.triangles)
+      for (const auto& p : t) top = std::max(top, p.z());
+  return top;
+}
+
+RigidTransform CarriageCamera(double side_rad, double out_mm, double height_mm, double tilt_rad,
+                              double roll_rad) {
+  const Vector3d outwards(std::cos(side_rad), std::sin(side_rad), 0);
+  const Vector3d forward = -std::sin(tilt_rad) * outwards - std::cos(tilt_rad) * Vector3d::UnitZ();
+  const Vector3d level = Vector3d::UnitZ().cross(outwards), down = forward.cross(level);
+  RigidTransform place;
+  place.rotation.row(0) = (std::cos(roll_rad) * level + std::sin(roll_rad) * down).transpose();
+  place.rotation.row(1) = (std::cos(roll_rad) * down - std::sin(roll_rad) * level).transpose();
+  place.rotation.row(2) = forward.transpose();
+  place.translation = -(place.rotation * (out_mm * outwards + height_mm * Vector3d::UnitZ()));
+  return place;
+}
+
+void AddStops(const std::vector<double>& stops_x, const std::vector<double>& stops_y, double stop_error_mm,
+              SimulatedScene& scene) {
+  Random random(scene.seed + 77);
+  for (const double x : stops_x)
+    for (const double y : stops_y) {
+      const Vector3d g(x, y, 0);
+      Vector3d error;
+      for (double& e : error) e = stop_error_mm * random.Normal();
+      for (std::size_t k = 0; k < scene.cameras.size(); ++k) {
+        ScenePicture p;
+        p.name = fmt::format("x{:05}_y{:05}_{}", std::lround(x), std::lround(y), scene.cameras[k].camera.id);
+        p.camera = static_cast<int>(k);
+        p.gantry_mm = p.carriage_mm = g;
+        p.cam_from_world = Gantry{}.CamFromWorld(scene.cameras[k].camera, g);
+        p.stop_error_mm = error;
+        scene.pictures.push_back(std::move(p));
+      }
+    }
+}
+
 void AddRandomRig(std::uint64_t seed, const Eigen::Vector2i& stops, int size_px, SimulatedScene& scene) {
   Random random(seed ^ 0x5157ULL);  // its own stream: the same rig whatever stands on the floor
   const double scale = size_px / 512.0;
@@ -497,38 +533,20 @@ void AddRandomRig(std::uint64_t seed, const Eigen::Vector2i& stops, int size_px,
     // side.
     const double side = kPi * (k / 2 * 0.5 + k % 2), out = random.Uniform(850, 1020),
                  height = random.Uniform(2950, 3080);
-    const Vector3d center(out * std::cos(side) + random.Uniform(-30, 30),
-                          out * std::sin(side) + random.Uniform(-30, 30), height);
     const double tilt = RadFromDeg(random.Uniform(18.5, 24.5)),
-                 swing = side + RadFromDeg(random.Uniform(-1.5, 1.5));
-    const Vector3d forward(-std::sin(tilt) * std::cos(swing), -std::sin(tilt) * std::sin(swing),
-                           -std::cos(tilt));
+                 swing = side + RadFromDeg(random.Uniform(-2.5, 2.5));
     const double roll = kPi / 2 * random.Integer(0, 3) + RadFromDeg(random.Uniform(-4, 4));
-    const Vector3d level = forward.cross(Vector3d::UnitZ()).normalized(), down = forward.cross(level);
-    RigidTransform place;
-    place.rotation.row(0) = (std::cos(roll) * level + std::sin(roll) * down).transpose();
-    place.rotation.row(1) = (std::cos(roll) * down - std::sin(roll) * level).transpose();
-    place.rotation.row(2) = forward.transpose();
-    place.translation = -(place.rotation * center);
-    c.camera.cam_from_world = place;
+    c.camera.cam_from_world = CarriageCamera(swing, out, height, tilt, roll);
     c.blur_px = random.Uniform(0.45, 0.65);
     c.read_noise = random.Uniform(0.7, 1.1);
     c.shot_noise = random.Uniform(0.05, 0.09);
     c.vignetting = random.Uniform(0.05, 0.25);
     scene.cameras.push_back(std::move(c));
   }
-  for (int ix = 0; ix < stops.x(); ++ix)
-    for (int iy = 0; iy < stops.y(); ++iy) {
-      const Vector3d g(kStopX_mm * ix, kFirstY_mm + kStopY_mm * iy, 0);
-      for (int k = 0; k < 4; ++k) {
-        ScenePicture p;
-        p.name = fmt::format("x{:05}_y{:05}_cam{}", int(g.x()), int(g.y()), k + 1);
-        p.camera = k;
-        p.gantry_mm = p.carriage_mm = g;
-        p.cam_from_world = Gantry{}.CamFromWorld(scene.cameras[std::size_t(k)].camera, g);
-        scene.pictures.push_back(std::move(p));
-      }
-    }
+  std::vector<double> stops_x, stops_y;
+  for (int i = 0; i < stops.x(); ++i) stops_x.push_back(kStopX_mm * i);
+  for (int i = 0; i < stops.y(); ++i) stops_y.push_back(kFirstY_mm + kStopY_mm * i);
+  AddStops(stops_x, stops_y, 0, scene);
   const int lamps = random.Integer(2, 4);
   for (int k = 0; k < lamps; ++k) {
     const double angle = 2 * kPi * (k + random.Uniform(-0.2, 0.2)) / lamps + 0.5,

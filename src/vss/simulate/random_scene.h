@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "vss/base/result.h"
 #include "vss/simulate/simulated_scene.h"
@@ -41,5 +42,16 @@ Result<SimulatedScene> DrawRandomScene(const RandomSceneOptions& options, const 
 // The rig alone: four cameras some 3 m above the floor, tilted inwards, and their pictures, and lamps on the
 // carriage.
 void AddRandomRig(std::uint64_t seed, const Eigen::Vector2i& stops, int size_px, SimulatedScene& scene);
+
+// A camera that hangs at `out_mm` from the carriage's middle in direction `side_rad` and `height_mm` above
+// the ground, looks inwards by `tilt_rad` from straight down, and is turned by `roll_rad` about its axis;
+// cam_from_world at displacement 0.
+RigidTransform CarriageCamera(double side_rad, double out_mm, double height_mm, double tilt_rad,
+                              double roll_rad);
+
+// A picture by each camera at each stop of the carriage; the true stops are off by a normal error, the same
+// for the pictures of one stop.
+void AddStops(const std::vector<double>& stops_x, const std::vector<double>& stops_y, double stop_error_mm,
+              SimulatedScene& scene);
 
 }  // namespace vss

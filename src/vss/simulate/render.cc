@@ -20,7 +20,9 @@ constexpr double kCeilingMm = 1000,
                  kCeilingRadiusMm = 1200;  // the sky of the hall: a disc over each point, 50 degrees wide
 constexpr double kBounce =
     0.25;  // of the ambient light that reaches also what is covered, by way of other surfaces
-constexpr double kDark = 0.02;     // beyond the ground
+constexpr double kFloorShare =
+    0.6;                        // of the lamps' light that reaches the floor around a part and shines back up
+constexpr double kDark = 0.02;  // beyond the ground
 constexpr double kShininess = 60;  // exponent of a highlight (Blinn 1977): some 10 degrees
 constexpr int kTileLevel = 3;      // shadows are looked up for tiles of 8 x 8 pixels
 
@@ -33,6 +35,13 @@ std::vector<PlacedLamp> PlaceLamps(const SimulatedScene& scene, const ScenePictu
   return lamps;
 }
 
+// What the floor throws back at a surface that looks down.
+double FloorLight(const SimulatedScene& scene) {
+  double power = scene.ambient;
+  for (const Lamp& lamp : scene.lamps) power += kFloorShare * lamp.power;
+  return scene.ground.albedo * power;
+}
+
 class Shader {
  public:
   Shader(const SimulatedScene& scene, const SceneMesh& mesh, const ScenePicture& picture,
@@ -41,6 +50,7 @@ class Shader {
         visible_(visible),
         world_from_cam_(picture.cam_from_world.Inverse()),
         ambient_(scene.ambient),
+        from_floor_(FloorLight(scene)),
         shadows_(mesh, PlaceLamps(scene, picture)) {
     world_from_cam_.translation += picture.stop_error_mm;
   }
@@ -66,7 +76,7 @@ class Shader {
     const double facing =
         std::max(std::abs(p.normal.dot(to_eye)), 0.05);  // a grazed pixel is not endlessly long
     const double pixel_mm = pixel / nearness / std::sqrt(facing);
-    double light = ambient_ * kBounce, highlight = 0;
+    double light = ambient_ * kBounce + from_floor_ * (1 - normal.z()) / 2, highlight = 0;
     const auto& lamps = shadows_.lamps();
     for (std::size_t i = 0; i < lamps.size(); ++i) {
       const PlacedLamp& lamp = lamps[i];
@@ -147,7 +157,7 @@ class Shader {
   const SceneMesh& mesh_;
   const Visibility& visible_;
   RigidTransform world_from_cam_;
-  double ambient_;
+  double ambient_, from_floor_;
   Shadows shadows_;
   PixelRays::Block block_{};
   std::vector<NearBodies> near_;

@@ -8,6 +8,7 @@
 
 #include "vss/base/parallel.h"
 #include "vss/base/toml_file.h"
+#include "vss/simulate/scene_file.h"
 
 namespace vss {
 namespace {
@@ -196,8 +197,9 @@ std::string TruthToJson(const SimulatedScene& scene, const std::vector<std::vect
   return out.dump(1) + "\n";
 }
 
-Status AddSimulatedSurvey(const SimulatedScene& scene, int threads, const Progress& progress,
-                          OutputFolder& out) {
+Result<std::vector<std::vector<std::int32_t>>> AddSimulatedSurvey(const SimulatedScene& scene, int threads,
+                                                                  const Progress& progress,
+                                                                  OutputFolder& out) {
   std::vector<std::string> pngs(scene.pictures.size());
   std::vector<std::vector<std::int32_t>> seen_px(scene.pictures.size());
   VSS_RETURN_IF_ERROR(RenderPictures(scene, threads, progress, [&](int i, const RenderedPicture& picture) {
@@ -208,8 +210,10 @@ Status AddSimulatedSurvey(const SimulatedScene& scene, int threads, const Progre
   out.Add("survey.toml", SurveyToToml(scene));
   for (const SceneCamera& c : scene.cameras) out.Add(CameraFile(c), CameraToToml(c.camera));
   for (std::size_t i = 0; i < pngs.size(); ++i) out.Add(ImageFile(scene.pictures[i]), std::move(pngs[i]));
+  for (const auto& [name, text] : scene.knowledge_texts) out.Add(name, text);
+  out.Add("scene.toml", SceneToToml(scene));
   out.Add("truth.json", TruthToJson(scene, seen_px));
-  return {};
+  return seen_px;
 }
 
 }  // namespace vss

@@ -28,8 +28,11 @@ std::string SurveyToToml(const SimulatedScene& scene);
 std::string TruthToJson(const SimulatedScene& scene, const std::vector<std::vector<std::int32_t>>& seen_px);
 std::vector<TruePart> TruthOf(const SimulatedScene& scene);
 
-// Adds survey.toml, cameras/, images/ and truth.json to `out`. Nothing is written before out.Commit().
-Status AddSimulatedSurvey(const SimulatedScene& scene, int threads, const Progress& progress,
-                          OutputFolder& out);
+// Adds survey.toml, cameras/, images/, scene.toml, truth.json and the scene's own knowledge files to `out`.
+// Nothing is written before out.Commit(). Gives what TruthToJson takes: the pixels of each picture that show
+// each part.
+Result<std::vector<std::vector<std::int32_t>>> AddSimulatedSurvey(const SimulatedScene& scene, int threads,
+                                                                  const Progress& progress,
+                                                                  OutputFolder& out);
 
 }  // namespace vss

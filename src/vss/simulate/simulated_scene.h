@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "vss/camera/camera.h"
@@ -76,6 +77,8 @@ struct SimulatedScene {
   std::string name = "simulated";
   std::uint64_t seed = 1;              // of texture and noise
   std::vector<std::string> knowledge;  // as survey.toml gives it; empty: everything shipped
+  std::vector<std::pair<std::string, std::string>>
+      knowledge_texts;  // files of it: name in the survey folder, text
   std::vector<ScenePart> parts;
   std::vector<PaintedLine> lines;
   std::vector<Cable> cables;
@@ -88,5 +91,8 @@ struct SimulatedScene {
   std::vector<SceneCamera> cameras;
   std::vector<ScenePicture> pictures;
 };
+
+// Height of the object's highest point in world, mm.
+double TopOf(const PlacedObject& object);
 
 }  // namespace vss
