@@ -43,6 +43,7 @@ std::string TypeOf(std::string_view name) {
   if (ends(".js")) return "text/javascript; charset=utf-8";
   if (ends(".css")) return "text/css; charset=utf-8";
   if (ends(".svg")) return "image/svg+xml";
+  if (ends(".jpg")) return "image/jpeg";
   return "application/octet-stream";
 }
 
@@ -159,6 +160,7 @@ Response Routes::Dispatch(const Request& request) {
   if (name == "measure") return AnswerOf(Measure(request));
   if (name == "history") return station::AnswerOf(History(request));
   if (name == "manual") return station::AnswerOf(Manual());
+  if (name.rfind("manual/", 0) == 0) return ManualPicture(name.substr(7));
   if (name == "product.json") return File("application/json", "product.json", ProductToJson(workspace_.ProductNow(), workspace_.image_files()));
   if (name == "report.html") {
     auto report = workspace_.Report();
@@ -309,7 +311,9 @@ Result<Json> Routes::Scene() {
     for (const auto& c : p.part.circles) circles.push_back({{"center", JsonOf(c.center)}, {"normal", JsonOf(c.normal)}, {"radius", c.radius_mm}});
     parts.push_back({{"id", p.part.id}, {"triangles", triangles}, {"vertices", vertices}, {"edges", edges}, {"circles", circles}});
   }
-  return Json{{"parts", parts}};
+  Json seams = Json::array();
+  for (const auto& s : workspace_.ProductNow().seams) seams.push_back({{"parts", {s.part_a, s.part_b}}, {"start", JsonOf(s.start)}, {"end", JsonOf(s.end)}});
+  return Json{{"parts", parts}, {"seams", seams}};
 }
 
 Json Routes::Knowledge() const {
@@ -376,9 +380,16 @@ Json Routes::History(const Request& request) const {
   return out;
 }
 
+Response Routes::ManualPicture(const std::string& name) const {
+  for (const auto& file : station_manual())
+    if (file.name == name && TypeOf(name) == "image/jpeg") return {200, "image/jpeg", std::string(file.text), {{"Cache-Control", "private, max-age=3600"}}};
+  return NotFound("the manual has no such picture");
+}
+
 Json Routes::Manual() const {
   Json pages = Json::array();
-  for (const auto& file : station_manual()) pages.push_back({{"name", file.name}, {"text", file.text}});
+  for (const auto& file : station_manual())
+    if (TypeOf(file.name) != "image/jpeg") pages.push_back({{"name", file.name}, {"text", file.text}});
   return {{"pages", pages}};
 }
 

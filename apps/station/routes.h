@@ -30,6 +30,7 @@ class Routes {
   Result<Json> Measure(const Request& request) const;
   Json History(const Request& request) const;
   Json Manual() const;
+  Response ManualPicture(const std::string& name) const;
 
   Workspace& workspace_;
   std::function<void(const Json&)> tell_;

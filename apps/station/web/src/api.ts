@@ -1,4 +1,4 @@
-import type { Difference, Fit, HistoryRow, KnownObject, Lines, Piece, Projection, ScenePart, State, Survey } from './types';
+import type { Difference, Fit, HistoryRow, KnownObject, Lines, Piece, Projection, ScenePart, SceneSeam, State, Survey } from './types';
 
 export class Refused extends Error {
   constructor(public status: number, message: string) { super(message); }
@@ -27,7 +27,7 @@ export const api = {
   knowledge: () => ask<{ objects: KnownObject[] }>('knowledge'),
   lines: (image: number) => ask<Lines>(`pictures/${image}/lines`),
   projection: (image: number) => ask<Projection>(`pictures/${image}/projection`),
-  scene: () => ask<{ parts: ScenePart[] }>('scene'),
+  scene: () => ask<{ parts: ScenePart[]; seams: SceneSeam[] }>('scene'),
   history: (before = 0, limit = 100) => ask<{ rows: HistoryRow[] }>(`history?before=${before}&limit=${limit}`),
   differences: (edit: number) => ask<{ differences: Difference[] }>(`history?limit=1&edit=${edit}`),
   manual: () => ask<{ pages: { name: string; text: string }[] }>('manual'),

@@ -28,7 +28,8 @@ export function searchPages(pages: Page[], search: string): Hit[] {
   return hits.sort((a, b) => b.score - a.score).slice(0, 20);
 }
 
-// The manual's pictures are not embedded: their captions stay.
+// The manual's pictures come from the station; what is no picture of the manual is left out.
 export function render(markdown: string): string {
-  return marked.parse(markdown.replace(/!\[([^\]]*)\]\([^)]*\)/g, ''), { async: false });
+  const own = markdown.replace(/!\[([^\]]*)\]\(images\/([\w-]+\.jpg)\)/g, '![$1](/api/manual/$2)');
+  return marked.parse(own.replace(/!\[[^\]]*\]\((?!\/api\/manual\/)[^)]*\)/g, ''), { async: false });
 }

@@ -2,7 +2,7 @@
 import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { SVGRenderer } from 'three/addons/renderers/SVGRenderer.js';
-import type { ScenePart, Survey, Vec3 } from './types';
+import type { ScenePart, SceneSeam, Survey, Vec3 } from './types';
 
 interface Shown { id: string; group: THREE.Group; mesh: THREE.Mesh | null; edges: THREE.LineSegments; vertices: THREE.Points; colour: THREE.Color; data: ScenePart }
 export interface VertexPick { part: string; vertex: number }
@@ -19,6 +19,7 @@ export class SceneDrawing {
   private cameras = new THREE.Group();
   private frusta: THREE.LineSegments[] = [];
   private marks = new THREE.Group();
+  private readonly seams = new THREE.Group();
   private ground = new THREE.Group();
   private clip = new THREE.Plane(new THREE.Vector3(0, 0, -1), 1e9);
   private extent = new THREE.Box3();
@@ -47,7 +48,7 @@ export class SceneDrawing {
     this.scene.add(new THREE.HemisphereLight(0xdbeaf5, 0x2a3138, 2.1));
     const sun = new THREE.DirectionalLight(0xffffff, 2.2);
     sun.position.set(-0.5, -0.8, 1.4);
-    this.scene.add(sun, this.ground, this.cameras, this.marks);
+    this.scene.add(sun, this.ground, this.cameras, this.seams, this.marks);
     box.addEventListener('pointerdown', (e) => { this.down = [e.clientX, e.clientY]; });
     box.addEventListener('pointerup', (e) => {
       if (!this.down || Math.hypot(e.clientX - this.down[0], e.clientY - this.down[1]) > 4) return;
@@ -180,6 +181,15 @@ export class SceneDrawing {
     const points = new THREE.Points(new THREE.BufferGeometry().setFromPoints(at), new THREE.PointsMaterial({ color: '#ff5d8f', size: 13, sizeAttenuation: false, depthTest: false }));
     this.marks.add(points);
     if (at.length === 2) this.marks.add(new THREE.Line(new THREE.BufferGeometry().setFromPoints(at), new THREE.LineBasicMaterial({ color: '#ff5d8f', depthTest: false })));
+    this.ask();
+  }
+
+  // Where parts touch: in red, over everything.
+  setSeams(seams: SceneSeam[]) {
+    this.seams.clear();
+    const ends = seams.flatMap((s) => [...s.start, ...s.end]), geometry = new THREE.BufferGeometry();
+    geometry.setAttribute('position', new THREE.Float32BufferAttribute(ends, 3));
+    this.seams.add(new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: '#ff4d4d', depthTest: false })));
     this.ask();
   }
 

@@ -4,7 +4,7 @@ import { contourAt, samePlace, type Contour } from './contours';
 import { arcPoints, LineIndex, linePoints, type ColourBy, type Found } from './lines';
 import { tasksOf, type Unknown } from './queue';
 import { t } from './texts';
-import type { Fit, Hint, Item, KnownObject, Lines, Parameter, Part, Pick, Projection, Run, ScenePart, State, Survey } from './types';
+import type { Fit, Hint, Item, KnownObject, Lines, Parameter, Part, Pick, Projection, Run, ScenePart, SceneSeam, State, Survey } from './types';
 
 export type Tab = 'parts' | 'todo' | 'build' | 'parameters' | 'history' | 'help';
 export type Tool = 'look' | 'draw' | 'split' | 'extend' | 'merge' | 'remove';
@@ -53,13 +53,14 @@ class Station {
   magnify = $state(40);
   who = $state('operator');
   helpPage = $state('');
+  helpSection = $state('');             // a heading of that page
   showKeys = $state(false);
   guide = $state(-1);
   guideDone = $state<Record<string, boolean>>({});
 
   lines = $state.raw<Map<number, LoadedLines>>(new Map());
   projections = $state.raw<Map<number, Projection & { revision: number }>>(new Map());
-  scene = $state.raw<{ parts: ScenePart[]; revision: number }>({ parts: [], revision: -1 });
+  scene = $state.raw<{ parts: ScenePart[]; seams: SceneSeam[]; revision: number }>({ parts: [], seams: [], revision: -1 });
 
   build = $state<Build | null>(null);
   fit = $state.raw<Fit | null>(null);
@@ -216,8 +217,19 @@ class Station {
   bestImageOf(part: Part): number {
     const count = new Map<string, number>();
     for (const m of part.matches) count.set(m.image, (count.get(m.image) ?? 0) + 1);
-    const best = [...count].sort((a, b) => b[1] - a[1])[0]?.[0] ?? part.images[0];
-    return best ? this.imageOf(best) : this.image;
+    const best = [...count].sort((a, b) => b[1] - a[1])[0]?.[0];
+    return best ? this.imageOf(best) : this.nearestImageOf(part.pose.position);
+  }
+  // The picture in whose middle a place lies most nearly.
+  private nearestImageOf(place: [number, number, number]): number {
+    let best = this.image, least = Infinity;
+    this.survey?.images.forEach((im, i) => {
+      const c = this.survey!.cameras[im.camera], d = place.map((x, k) => x - im.center[k]);
+      const [x, y, z] = im.rotation.map((row) => row[0] * d[0] + row[1] * d[1] + row[2] * d[2]);
+      const off = z > 0 ? Math.hypot((c.fx * x) / z + c.cx - c.width / 2, (c.fy * y) / z + c.cy - c.height / 2) : Infinity;
+      if (off < least) { least = off; best = i; }
+    });
+    return best;
   }
 
   async nextTask() {
@@ -337,7 +349,7 @@ class Station {
     }
     const there = this.contourOf(line, circle);
     if (there && (!b.contour || !samePlace(there, b.contour, this.fit?.projections[String(this.image)] ?? [], this.pointsOf(line, circle)))) {
-      if (b.contour) this.say(t.build.taken(t.build.contourName(there.circle, there.index)));
+      if (b.contour && b.chosen) this.say(t.build.taken(t.build.contourName(there.circle, there.index)));
       b.contour = there;
     }
     if (!b.contour) { this.say(t.build.contourHint); return; }

@@ -55,10 +55,14 @@ export const t = {
     title: 'Who changed what', name: 'Your name', action: { edit: '', undo: 'undid: ', redo: 'did again: ' }, more: 'Earlier', changes: 'What changed', none: 'Nothing was changed yet.',
     added: 'added', removed: 'removed', changed: 'changed', noChanges: 'No part changed.',
   },
+  panelHelp: {
+    parts: ['01-normal-operation.md', 'Read a result'], todo: ['01-normal-operation.md', 'Go through what is doubtful'], build: ['01-normal-operation.md', 'Build a part by hand'],
+    parameters: ['01-normal-operation.md', 'Run the survey'], history: ['01-normal-operation.md', 'Undo'], help: ['', ''],
+  } as Record<string, [string, string]>,
   help: { title: 'Help', here: 'Help for this panel', search: 'Search the manual', none: 'Nothing found.', back: 'All pages', empty: 'This program was built without its manual.' },
   scene: {
     reset: 'Reset view', top: 'From above', section: 'Section', sectionOff: 'no section', measure: 'Measure', measureHint: 'Click two vertices.', cameras: 'Cameras', empty: 'Nothing to show yet.', result: (d: number, s: number | null) => `${d.toFixed(2)} mm${s === null ? '' : ` ± ${(2 * s).toFixed(2)} mm (2σ)`}`,
-    delta: (d: number[]) => `Δx ${d[0].toFixed(1)}  Δy ${d[1].toFixed(1)}  Δz ${d[2].toFixed(1)} mm`, failed: 'The 3D view could not be loaded. Load the page again.', noWebgl: 'This browser has no WebGL: the 3D view is drawn as lines.',
+    delta: (d: number[]) => `Δx ${d[0].toFixed(1)}  Δy ${d[1].toFixed(1)}  Δz ${d[2].toFixed(1)} mm`, failed: 'The 3D view could not be loaded. Load the page again.', seams: (n: number) => plural(n, 'seam') + ' (red)', noWebgl: 'This browser has no WebGL: the 3D view is drawn as lines.',
   },
   guideSteps: [
     { key: 'look', title: 'Look at the pictures', text: 'The strip on the left shows every picture. Click some of them; zoom with the wheel, drag to move.' },

@@ -47,4 +47,5 @@ export interface Fit { part: Part; picks: Pick[]; projections: Record<string, Pi
 
 export interface HistoryRow { revision: number; edit: number; action: 'edit' | 'undo' | 'redo'; who: string; when: string; label: string }
 export interface Difference { kind: string; id: string; before: unknown; after: unknown }
+export interface SceneSeam { parts: [string, string]; start: Vec3; end: Vec3 }
 export interface ScenePart { id: string; triangles: number[]; vertices: Vec3[]; edges: [number, number][]; circles: { center: Vec3; normal: Vec3; radius: number }[] }

@@ -24,7 +24,7 @@ page.setDefaultTimeout(20000);
 const problems = [];
 page.on('pageerror', (e) => problems.push(String(e)));
 page.on('console', (m) => { if (m.type() === 'error' && !/status of (409|4\d\d)|ERR_CONNECTION|WebSocket/.test(m.text())) problems.push(m.text()); });
-const shot = async (name) => { if (shots) { await page.waitForTimeout(350); await page.screenshot({ path: join(shots, name + '.jpg'), type: 'jpeg', quality: 85 }); } };
+const shot = async (name) => { if (shots) { await page.waitForTimeout(350); await page.screenshot({ path: join(shots, name + '.jpg'), type: 'jpeg', quality: 78 }); } };
 const parts = async () => (await ask(station.url, 'state')).json.items.filter((i) => i.kind === 'part').map((i) => i.value);
 const revision = async () => (await ask(station.url, 'state')).json.revision;
 const until = async (what, test, ms = 20000) => {
@@ -65,6 +65,15 @@ await test('opens with a picture and its lines', async () => {
   await page.waitForFunction(() => document.body.dataset.picture === '1');
   await page.locator('.strip .state').nth(1).getByText(/\d+ lines?/).waitFor();
   await shot('first');
+  await page.getByRole('button', { name: 'First survey, step by step' }).click();
+  await page.getByText('Step 1 of 6').waitFor();
+  await shot('guide');
+  await page.getByRole('button', { name: 'Close the guide' }).click();
+  await page.locator('body').press('?');
+  await page.locator('dialog[open]').waitFor();
+  await shot('keys');
+  await page.keyboard.press('Escape');
+  await page.locator('dialog').waitFor({ state: 'detached' });
 });
 
 await test('cancels a survey, and nothing changed', async () => {
@@ -104,6 +113,18 @@ await test('shows one part everywhere, confirms it, and undoes and redoes that',
   await page.keyboard.press('Control+y');
   await until('it is done again', async () => (await parts())[0].confirmed);
   assert.equal(await revision(), before + 3);
+});
+
+await test('switches layers', async () => {
+  await page.keyboard.press('0');
+  await page.getByRole('button', { name: 'Layers' }).click();
+  for (const name of ['Residuals', 'Vertices']) await page.getByRole('checkbox', { name }).check();
+  await page.getByRole('combobox', { name: 'Colour lines by' }).selectOption('use');
+  await shot('layers');
+  for (const name of ['Residuals', 'Vertices']) await page.getByRole('checkbox', { name }).uncheck();
+  await page.getByRole('combobox', { name: 'Colour lines by' }).selectOption('strength');
+  await page.keyboard.press('Escape');
+  await page.getByRole('button', { name: 'Layers' }).click();
 });
 
 await test('corrects a wrong part: another kind, and back', async () => {
@@ -312,7 +333,7 @@ await test('identifies a box by hand from an empty start with at most 12 clicks'
     await page.mouse.click(...screen(byHand.clicks[edge]));
     picked++;
     taken.add(edge);
-    await page.getByText(new RegExp(`^${picked} lines? picked`)).waitFor();
+    await page.locator(`[data-fitted="${picked}"]`).waitFor();
     times.push(Number(/fitted in (\d+) ms/.exec(await page.locator('.panel [role=status]').innerText())[1]));
     if (picked >= 4 && await page.getByRole('button', { name: /Take all lines/ }).isEnabled()) break;
   }
@@ -401,6 +422,13 @@ await test('finds its help', async () => {
   await page.locator('.hit').first().waitFor();
   await page.locator('.hit').first().click();
   await page.locator('article').waitFor();
+  await page.getByRole('button', { name: 'All pages' }).click();
+  await page.locator('.hit', { hasText: 'The knowledge base' }).waitFor();
+  await tab('todo');
+  await page.getByRole('button', { name: 'Help for this panel' }).click();
+  await page.getByRole('heading', { name: 'Go through what is doubtful' }).waitFor();
+  await page.waitForFunction(() => [...document.querySelectorAll('article img')].length > 3 && [...document.querySelectorAll('article img')].every((i) => i.complete && i.naturalWidth > 0));
+  await page.locator('article').evaluate((a) => a.querySelector('h1').scrollIntoView());
   await shot('help');
 });
 
