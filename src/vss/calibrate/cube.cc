@@ -607,7 +607,11 @@ Result<Fit> Choose(const std::string& camera, std::vector<Fit> fits, const std::
   });
   const double off = (CentreAtZero(good[0]) - *near).norm(),
                distance = (CentreAtZero(good[0]) + good[0].x.middle - cube).norm();
-  if (good.size() > 1 && off > kClearlyNearer * (CentreAtZero(good[1]) - *near).norm())
+  // A place given no better than those that fit lie apart says nothing either.
+  double apart = INFINITY;
+  for (std::size_t k = 1; k < good.size(); ++k)
+    apart = std::min(apart, (CentreAtZero(good[k]) - CentreAtZero(good[0])).norm());
+  if (good.size() > 1 && (off > kClearlyNearer * (CentreAtZero(good[1]) - *near).norm() || off > apart))
     return InputError(
         "camera {}: camera_near does not decide between ({:.0f}, {:.0f}, {:.0f}) and ({:.0f}, {:.0f}, "
         "{:.0f}) mm, "

@@ -86,7 +86,9 @@ class SceneSolver {
       const std::size_t before = items_.size();
       AddHypotheses(kGround, around);
       for (int support : known) AddHypotheses(support, around);
+      JoinPlates();
       if (items_.size() == before) break;
+      ReseatOnPlates();
       Select();
       if (accepted_ == known) break;
     }
@@ -210,6 +212,77 @@ class SceneSolver {
     for (auto& list : finished)
       for (auto& h : list)
         if (h.log_odds >= options_.accept_log_odds) Keep(std::move(h), support);
+  }
+
+  // A plate on which something stands upright shows as two, one on either side: of two of one kind and height
+  // in one line, the whole is tried too, with what stands between them as it stands.
+  void JoinPlates() {
+    const std::size_t n = items_.size();
+    for (std::size_t a = 0; a < n; ++a)
+      for (std::size_t b = a + 1; b < n; ++b)
+        for (std::size_t between = 0; between < n; ++between)
+          if (Halves(a, b, between)) Join(a, b, between);
+  }
+
+  // Do a and b lie side by side at one height, with `between` standing where they meet?
+  bool Halves(std::size_t a, std::size_t b, std::size_t between) const {
+    constexpr double kAligned = 0.9;  // of the longer one's extent along the joint
+    const Item &one = items_[a], &other = items_[b], &wall = items_[between];
+    if (between == a || between == b || one.kind != other.kind || one.support_item != other.support_item ||
+        one.h.object.resting_pose != other.h.object.resting_pose || wall.support_item != one.support_item ||
+        !wall.h.object.model->MayStandOn(one.kind) || wall.h.log_odds < options_.doubtful_log_odds ||
+        std::abs(one.top_mm - other.top_mm) > 2 * mm_per_px_ || wall.top_mm < one.top_mm + 4 * mm_per_px_)
+      return false;
+    // In the wall's frame: along it and across.
+    const double yaw = wall.h.object.placement[3];
+    const Vector3d u(std::cos(yaw), std::sin(yaw), 0), w(-std::sin(yaw), std::cos(yaw), 0);
+    auto extent = [](const Item& item, const Vector3d& d) {
+      std::pair<double, double> e{INFINITY, -INFINITY};
+      for (const auto& v : item.volume.triangles)
+        for (const auto& p : v) e = {std::min(e.first, d.dot(p)), std::max(e.second, d.dot(p))};
+      return e;
+    };
+    const auto ua = extent(one, u), ub = extent(other, u), wa = extent(one, w), wb = extent(other, w),
+               ww = extent(wall, w);
+    const double common = std::min(ua.second, ub.second) - std::max(ua.first, ub.first);
+    if (common < kAligned * std::max(ua.second - ua.first, ub.second - ub.first)) return false;
+    const double slack = 4 * mm_per_px_ + (ww.second - ww.first);
+    auto meets = [&](const std::pair<double, double>& low, const std::pair<double, double>& high) {
+      return low.second > ww.first - slack && low.second < ww.second + slack &&
+             high.first > ww.first - slack && high.first < ww.second + slack &&
+             low.first < ww.first - slack && high.second > ww.second + slack;
+    };
+    return meets(wa, wb) || meets(wb, wa);
+  }
+
+  // The whole of two halves, from the lines around both.
+  void Join(std::size_t a, std::size_t b, std::size_t between) {
+    const double slack = 3 * mm_per_px_;
+    Eigen::AlignedBox3d room = items_[a].volume.box.merged(items_[b].volume.box);
+    room = {room.min().array() - slack, room.max().array() + slack};
+    std::vector<WorldLine> lines;
+    for (const auto& l : lines_)
+      if (room.contains(l.start) && room.contains(l.end)) lines.push_back(l);
+    Occluders wall;
+    wall.Add(SolidOf(int(between)), int(between));
+    SeedContext context = Context();
+    context.lines = lines;
+    context.circles = {};
+    context.others = &wall;
+    const int support = items_[a].support_item;
+    const PlacedObject half = items_[a].h.object;
+    const Eigen::AlignedBox3d first = items_[a].volume.box, second = items_[b].volume.box;
+    for (const auto& t : templates_) {
+      if (t.model != half.model || t.resting_pose != half.resting_pose) continue;
+      for (const auto& seed : Promising(Seeds(t, context, half.placement[2]), context))
+        for (auto& h : Complete(t, context, seed, options_.accept_log_odds)) {
+          WeighInAllViews(h, context);
+          const auto box = MakeVolume(PlaceSolid(h.object, false)).box;
+          if (h.log_odds >= options_.accept_log_odds && box.contains(first.center()) &&
+              box.contains(second.center()))
+            Keep(std::move(h), support);
+        }
+    }
   }
 
   // Of all seeds of a kind from one edge of the world, the few that fit best.
@@ -464,8 +537,11 @@ class SceneSolver {
       for (std::size_t i = 0; i < items_.size(); ++i) {
         if (is_accepted[i] || tried_.contains(int(i)) || items_[i].h.log_odds < options_.doubtful_log_odds)
           continue;
-        int rivals = 0;
-        for (int a : best.accepted) rivals += Conflicts(int(i), a);
+        // It comes with what it stands on.
+        const std::vector<int> chain = ChainOf(int(i), is_accepted);
+        const auto rivals = std::count_if(best.accepted.begin(), best.accepted.end(), [&](int a) {
+          return std::any_of(chain.begin(), chain.end(), [&](int k) { return Conflicts(k, a); });
+        });
         const bool carries = std::any_of(items_.begin(), items_.end(),
                                          [&](const Item& other) { return other.support_item == int(i); });
         if (rivals > 1 || (rivals == 1 && carries)) losers.push_back({-items_[i].h.log_odds, int(i)});

@@ -488,7 +488,8 @@ class Reconstructor {
   bool HoldCaptured(Adjustment& a) {
     captured_.clear();
     bool any = false;
-    const double reach_mm = options_.search_px * TypicalMmPerPx(views_);
+    constexpr double kRoughMm = 5;  // identification reads cut edges no closer, however fine the pixels
+    const double reach_mm = std::max(kRoughMm, options_.search_px * TypicalMmPerPx(views_));
     for (std::size_t p = 0; p < a.parts.size(); ++p) {
       auto& part = a.parts[p];
       const PlacedObject& start = drawn_[p];
