@@ -119,8 +119,15 @@ TEST(CubePlace, TwoEqualStopsDecideNoMoreThanOne) {
 
 TEST(CubePlace, AFarRoughPlaceIsWarnedOf) {
   const Rig rig = RigOf(3);
-  const auto found = CalibrateFromCube("cam1", rig.scene.lens, rig.cube, {rig.Picture({0, 0, 0}, 1)},
-                                       rig.Centre() + 0.6 * (rig.Centre() - kCube.position_mm), {});
+  const Vector3d far = rig.Centre() + 0.6 * (rig.Centre() - kCube.position_mm);
+  // Further off than the places lie apart from which the cube looks alike: alone it decides nothing.
+  const auto refused =
+      CalibrateFromCube("cam1", rig.scene.lens, rig.cube, {rig.Picture({0, 0, 0}, 1)}, far, {});
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().message, HasSubstr("camera_near does not decide"));
+  const auto found = CalibrateFromCube(
+      "cam1", rig.scene.lens, rig.cube,
+      {rig.Picture({0, 0, 0}, 1), rig.Picture({220, -60, 0}, 2), rig.Picture({-100, 210, 0}, 3)}, far, {});
   ASSERT_TRUE(found) << found.error().message;
   EXPECT_THAT(found->warnings, testing::ElementsAre(HasSubstr("camera_near is")));
 }
