@@ -66,12 +66,12 @@ class MeshMaker {
     return plane.shadow_plane;
   }
 
-  // Around each plane's triangles, those of the planes that share its shadows included, and around each
+  // Around each plane's polygons, those of the planes that share its shadows included, and around each
   // caster.
   void FindBalls() {
     std::vector<Eigen::AlignedBox3d> boxes(mesh_.planes.size());
-    for (const auto& t : mesh_.triangles)
-      for (const Vector3d& c : t.corners) {
+    for (const auto& t : mesh_.polygons)
+      for (const Vector3d& c : t.Corners()) {
         boxes[std::size_t(t.plane)].extend(c);
         boxes[std::size_t(mesh_.planes[std::size_t(t.plane)].shadow_plane)].extend(c);
       }
@@ -88,6 +88,9 @@ class MeshMaker {
       caster.middle = box.center();
       caster.radius_mm = box.diagonal().norm() / 2;
     }
+  }
+  void AddTriangle(int plane, const Corners& t) {
+    mesh_.polygons.push_back({plane, 3, {t[0], t[1], t[2], t[2]}});
   }
   void AddCaster(std::span<const Corners> triangles) {
     SceneMesh::Caster caster;
@@ -111,8 +114,7 @@ class MeshMaker {
     };
     const Vector3d a = corner(line.from, -1), b = corner(line.to, -1), c = corner(line.to, 1),
                    d = corner(line.from, 1);
-    mesh_.triangles.push_back({plane, {a, b, c}});
-    mesh_.triangles.push_back({plane, {a, c, d}});
+    mesh_.polygons.push_back({plane, 4, {a, b, c, d}});
   }
 
   void AddPart(int index) {
@@ -158,11 +160,11 @@ class MeshMaker {
       const std::vector<Vector3d> arc = Arc(*cylinder, a, b);
       for (std::size_t i = 0; i + 1 < arc.size(); ++i) {
         const Corners piece{arc[i], arc[i + 1], c};
-        if (NormalOf(piece).dot(normal) > 0) mesh_.triangles.push_back({plane, piece});
+        if (NormalOf(piece).dot(normal) > 0) AddTriangle(plane, piece);
       }
       return;
     }
-    mesh_.triangles.push_back({plane, t});
+    AddTriangle(plane, t);
   }
 
   static bool OnCylinder(const SolidFace& f, const Vector3d& p) {
@@ -207,8 +209,7 @@ class MeshMaker {
     const Vector3d normal = (c - a).cross(d - b);
     if (!(normal.norm() > 0)) return;
     const int plane = AddPlane(normal.normalized(), (a + b + c + d) / 4, surface);
-    mesh_.triangles.push_back({plane, {a, b, c}});
-    mesh_.triangles.push_back({plane, {a, c, d}});
+    mesh_.polygons.push_back({plane, 4, {a, b, c, d}});
   }
 
   // A closed body of triangles, each in a plane of its own.
@@ -219,7 +220,7 @@ class MeshMaker {
       const Vector3d n = NormalOf(t).normalized();
       surface.texture_u = (t[1] - t[0]).normalized();
       surface.texture_v = n.cross(surface.texture_u);
-      mesh_.triangles.push_back({AddPlane(n, t[0], AddSurface(surface)), t});
+      AddTriangle(AddPlane(n, t[0], AddSurface(surface)), t);
     }
     AddCaster(triangles);
   }

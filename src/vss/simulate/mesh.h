@@ -1,8 +1,9 @@
-// A simulated scene as triangles: what the pictures are drawn from, and what throws shadows.
+// A simulated scene as polygons: what the pictures are drawn from, and what throws shadows.
 #pragma once
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "vss/simulate/simulated_scene.h"
@@ -21,7 +22,7 @@ struct SceneMesh {
     Eigen::Vector3d texture_u = Eigen::Vector3d::UnitX(), texture_v = Eigen::Vector3d::UnitY();
     Eigen::Vector2d texture_shift = Eigen::Vector2d::Zero();  // mm
   };
-  // normal . p = offset; triangles of one plane share its number.
+  // normal . p = offset; polygons of one plane share its number.
   struct Plane {
     Eigen::Vector3d normal;  // outward, unit
     double offset = 0;
@@ -29,12 +30,16 @@ struct SceneMesh {
     // Shadows on it are computed as if it were this plane: facets of one cylinder share a few.
     int shadow_plane = 0;
     double shadow_from_mm = 0.05;  // bodies throw shadows on it from this height above it on; see Shadows
-    Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // of a ball around its triangles
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // of a ball around its polygons
     double radius_mm = 0;                              // infinite for the ground
   };
-  struct Triangle {
+  // Convex.
+  struct Polygon {
     int plane = 0;
-    std::array<Eigen::Vector3d, 3> corners;  // counter-clockwise seen from outside
+    int num_corners = 3;                     // or 4
+    std::array<Eigen::Vector3d, 4> corners;  // counter-clockwise seen from outside
+
+    std::span<const Eigen::Vector3d> Corners() const { return {corners.data(), std::size_t(num_corners)}; }
   };
   // A closed body that throws a shadow: triangles alone, coarser where it is round. Neighbours share corners
   // to the bit.
@@ -45,9 +50,9 @@ struct SceneMesh {
     double radius_mm = 0;
   };
 
-  std::vector<Surface> surfaces;    // 0: the ground
-  std::vector<Plane> planes;        // 0: the ground, z = 0
-  std::vector<Triangle> triangles;  // paint on the ground first (its planes are the ground's), then solids
+  std::vector<Surface> surfaces;  // 0: the ground
+  std::vector<Plane> planes;      // 0: the ground, z = 0
+  std::vector<Polygon> polygons;  // paint on the ground first (its planes are the ground's), then solids
   std::vector<Caster> casters;
 };
 

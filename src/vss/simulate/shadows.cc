@@ -46,7 +46,10 @@ std::optional<double> CrossingAngle(const Vector2d& a, const Vector2d& b, double
   const Vector2d d = b - a;
   const double length2 = d.squaredNorm(), cross = Cross(a, b);
   if (!(length2 > 0) || cross * cross >= most_radius2 * length2) return std::nullopt;
-  const double middle = -a.dot(d) / length2, r2 = radius2(std::clamp(middle, 0.0, 1.0));
+  const double towards = -a.dot(d);
+  if (towards < 0 ? a.squaredNorm() >= most_radius2 : towards > length2 && b.squaredNorm() >= most_radius2)
+    return std::nullopt;  // the nearest place is an end
+  const double middle = towards / length2, r2 = radius2(std::clamp(middle, 0.0, 1.0));
   const double reach2 = r2 * length2 - cross * cross;
   if (reach2 <= 0) return std::nullopt;
   const double half = std::sqrt(reach2) / length2;

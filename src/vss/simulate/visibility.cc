@@ -31,7 +31,7 @@ std::vector<std::array<Eigen::Array2f, kSamples>> MakePatterns() {
   return patterns;
 }
 
-// Side of a triangle as seen: inside where e . (x, y, 1) >= 0; e.head<2>() is unit. Swapping the ends gives
+// Side of a polygon as seen: inside where e . (x, y, 1) >= 0; e.head<2>() is unit. Swapping the ends gives
 // -e to the bit.
 struct Side {
   double x, y, c;
@@ -123,12 +123,12 @@ class Rasterizer {
   int plane_ = 0;
 };
 
-// The triangle's part in front of the camera.
-std::vector<Vector3d> ClipNear(const std::array<Vector3d, 3>& t) {
+// The polygon's part in front of the camera.
+std::vector<Vector3d> ClipNear(std::span<const Vector3d> polygon) {
   constexpr double kNearMm = 1;
   std::vector<Vector3d> out;
-  for (std::size_t i = 0; i < 3; ++i) {
-    const Vector3d &a = t[i], &b = t[(i + 1) % 3];
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const Vector3d &a = polygon[i], &b = polygon[(i + 1) % polygon.size()];
     if (a.z() >= kNearMm) out.push_back(a);
     if ((a.z() >= kNearMm) != (b.z() >= kNearMm))
       out.push_back(a + (b - a) * (kNearMm - a.z()) / (b.z() - a.z()));
@@ -164,12 +164,13 @@ Visibility FindVisible(const SceneMesh& mesh, const RigidTransform& cam_from_wor
   }
   Rasterizer rasterizer(rays, out);
   rasterizer.FillGround();
-  for (const auto& triangle : mesh.triangles) {
-    if (!out.planes[std::size_t(triangle.plane)].faces_camera) continue;
-    std::array<Vector3d, 3> in_cam;
-    for (std::size_t i = 0; i < 3; ++i) in_cam[i] = cam_from_world * triangle.corners[i];
-    const std::vector<Vector3d> clipped = ClipNear(in_cam);
-    if (clipped.size() >= 3) rasterizer.Draw(clipped, triangle.plane);
+  for (const auto& polygon : mesh.polygons) {
+    if (!out.planes[std::size_t(polygon.plane)].faces_camera) continue;
+    std::array<Vector3d, 4> in_cam;
+    for (std::size_t i = 0; i < polygon.Corners().size(); ++i)
+      in_cam[i] = cam_from_world * polygon.corners[i];
+    const std::vector<Vector3d> clipped = ClipNear({in_cam.data(), polygon.Corners().size()});
+    if (clipped.size() >= 3) rasterizer.Draw(clipped, polygon.plane);
   }
   SortByPixel(out);
   return out;

@@ -28,7 +28,7 @@ struct Visibility {
   std::vector<SeenPlane> planes;  // as SceneMesh::planes
   std::vector<std::int32_t>
       whole;  // the nearest plane that covers the whole pixel; -1: none (above the horizon)
-  std::vector<Fragment> fragments;           // by pixel, in the order of the triangles
+  std::vector<Fragment> fragments;           // by pixel, in the order of the polygons
   std::vector<std::int32_t> first_fragment;  // of each pixel, one more at the end
 };
 
