@@ -224,6 +224,7 @@ struct Tally {
         "{}\n",
         title, scenes, Share(found, parts), Share(seen_found, seen), Share(given - invented, given),
         Share(confirmed_wrong, confirmed));
+    if (given == 0) fmt::print("  no part was given\n");
     if (errors) fmt::print("  vertex error {:.3f} mm in the mean\n", error_mm / errors);
   }
 };
