@@ -306,6 +306,23 @@ std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& vi
   return SampleContour(solid, view, sampling, others);
 }
 
+std::vector<bool> HiddenBy(const View& view, const Occluders& others,
+                           std::span<const Vector3d> points_in_world, double touch_mm) {
+  std::vector<const std::array<Vector3d, 3>*> facing;
+  others.Facing(view.center_in_world, facing);
+  Screen screen;
+  for (const auto* t : facing) screen.Add(view, *t);
+  const auto& k = view.camera->intrinsics;
+  std::vector<bool> hidden(points_in_world.size());
+  for (std::size_t i = 0; i < points_in_world.size(); ++i) {
+    const Vector3d p = view.cam_from_world * points_in_world[i];
+    const double margin = std::min(touch_mm / std::max(p.norm(), 1.0), 0.5);
+    hidden[i] = screen.Hides(k.IdealFromNormalized({p.x() / p.z(), p.y() / p.z()}), p.z(), margin,
+                             view.center_in_world, points_in_world[i]);
+  }
+  return hidden;
+}
+
 Eigen::Matrix3Xd SampleByState(const WorldSolid& solid, const ContourSample& s) {
   if (s.source == ContourSample::Source::kEdge) {
     const auto& e = solid.edges[static_cast<std::size_t>(s.index)];

@@ -66,6 +66,10 @@ std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& vi
                                          int min_samples, const Occluders* others = nullptr,
                                          double touch_mm = 0.5);
 
+// For each point, whether something of `others` hides it in `view` from more than `touch_mm` before it.
+std::vector<bool> HiddenBy(const View& view, const Occluders& others,
+                           std::span<const Eigen::Vector3d> points_in_world, double touch_mm = 0.5);
+
 // d point / d state of a sample (3 x StateSize) as a material point of its edge, rim or limb.
 Eigen::Matrix3Xd SampleByState(const WorldSolid& solid, const ContourSample& sample);
 

@@ -6,11 +6,12 @@
 #include <map>
 #include <numeric>
 #include <optional>
-#include <set>
 
 #include "vss/base/parallel.h"
 #include "vss/identify/hypothesis.h"
+#include "vss/identify/ledger.h"
 #include "vss/identify/overlap.h"
+#include "vss/identify/unknown.h"
 
 namespace vss {
 namespace {
@@ -39,6 +40,8 @@ struct Item {
   std::string kind;
   int support_item = -1;  // index into the items; -1: ground
   double top_mm = 0;
+  int candidate = -1;  // of the ledger
+  double alone = NAN;  // log-odds with nothing else there; 0: it does not stand
   bool accepted = false;
   int part = -1;  // index among the accepted
 };
@@ -57,24 +60,7 @@ class SceneSolver {
   }
 
   Result<SceneResult> Run() {
-    WorldLineOptions line_options{scene_.tolerance_px, -20 * mm_per_px_, options_.max_height_mm, kSureLinePx};
-    progress_.Report("world lines", 0, 1);
-    lines_ = FindWorldLines(views_, scene_.lines, line_options, threads_, progress_);
-    const std::vector<WorldLine> wide = std::move(lines_);
-    line_options.tolerance_px = NarrowPx(wide);
-    line_options.min_length_px = 0;
-    lines_ = FindWorldLines(views_, scene_.lines, line_options, threads_, progress_);
-    scene_.SetWorldLines(lines_);
-    scene_.sigma_px = SigmaPx();
-    // Edges whose lines are pulled this way and that agree with more tolerance only.
-    const std::size_t num_narrow = lines_.size();
-    for (const auto& l : wide)
-      if (std::none_of(lines_.begin(), lines_.begin() + std::ptrdiff_t(num_narrow),
-                       [&](const WorldLine& known) { return Same(known, l); }))
-        lines_.push_back(l);
-    std::erase_if(lines_, [&](const WorldLine& l) { return MovesWithLamps(l, views_); });
-    circles_ = FindWorldCircles(views_, line_options);
-    progress_.Report("world lines", 1, 1);
+    FindEdgesOfWorld();
     AddHypotheses(kGround, {});
     ReseatOnPlates();
     Select();
@@ -96,10 +82,48 @@ class SceneSolver {
     return Collect();
   }
 
+  // Edges and circles of the world, and how far lines lie from them.
+  void FindEdgesOfWorld() {
+    WorldLineOptions line_options{scene_.tolerance_px, -20 * mm_per_px_, options_.max_height_mm, kSureLinePx};
+    progress_.Report("world lines", 0, 1);
+    lines_ = FindWorldLines(views_, scene_.lines, line_options, threads_, progress_);
+    const std::vector<WorldLine> wide = std::move(lines_);
+    line_options.tolerance_px = NarrowPx(wide);
+    line_options.min_length_px = 0;
+    lines_ = FindWorldLines(views_, scene_.lines, line_options, threads_, progress_);
+    scene_.SetWorldLines(lines_);
+    scene_.sigma_px = SigmaPx();
+    // Edges whose lines are pulled this way and that agree with more tolerance only.
+    const std::size_t num_narrow = lines_.size();
+    for (const auto& l : wide)
+      if (std::none_of(lines_.begin(), lines_.begin() + std::ptrdiff_t(num_narrow),
+                       [&](const WorldLine& known) { return Same(known, l); }))
+        lines_.push_back(l);
+    std::erase_if(lines_, [&](const WorldLine& l) { return MovesWithLamps(l, views_); });
+    circles_ = FindWorldCircles(views_, line_options);
+    progress_.Report("world lines", 1, 1);
+  }
+
+  // How much the pictures speak for each of `objects`, the others known.
+  std::vector<Evidence> WeighEach(std::span<const PlacedObject> objects) {
+    FindEdgesOfWorld();
+    std::vector<Evidence> out(objects.size());
+    ParallelFor(objects.size(), threads_, [&](std::size_t i) {
+      Occluders others;
+      for (std::size_t k = 0; k < objects.size(); ++k)
+        if (k != i) others.Add(PlaceSolid(objects[k], false), int(k));
+      const WorldSolid solid = PlaceSolid(objects[i], false);
+      out[i] = Weigh(solid, ViewsThatSee(solid, views_, int(views_.size())), scene_,
+                     {.grey = true, .prior_log_odds = PriorLogOdds(objects[i], scene_.mm_per_px)}, &others);
+    });
+    return out;
+  }
+
  private:
   static constexpr int kGround = -1;
   static constexpr double kBarely =
       5;  // natural logarithm of the odds: as good as nothing between two readings
+  static constexpr double kClearly = 1e-6;
   static constexpr int kMaxRounds = 4;  // what stands on what stands on what stands on the ground
 
   // What accepted parts hide and which lines they explain.
@@ -311,7 +335,8 @@ class SceneSolver {
     constexpr int kManyViews = 40;
     const WorldSolid solid = PlaceSolid(h.object, false);
     h.views = ViewsThatSee(solid, views_, kManyViews);
-    h.log_odds = Weigh(solid, h.views, scene_, {.prior_log_odds = PriorLogOdds(h.object, scene_.mm_per_px)},
+    h.log_odds = Weigh(solid, h.views, scene_,
+                       {.grey = true, .prior_log_odds = PriorLogOdds(h.object, scene_.mm_per_px)},
                        context.others, context.claims)
                      .Score();
   }
@@ -386,8 +411,12 @@ class SceneSolver {
       if (below.h.log_odds < options_.doubtful_log_odds || !BestOfItsPlace(plate)) continue;
       for (std::size_t i = 0; i < n; ++i) {
         const Item& above = items_[i];
-        if (i == plate || above.support_item != kGround || !above.h.object.model->MayStandOn(below.kind) ||
+        if (i == plate || int(plate) == above.support_item || !above.h.object.model->MayStandOn(below.kind) ||
             above.top_mm < below.top_mm + 2 * mm_per_px_)
+          continue;
+        // From the ground, or from another reading of the same plate.
+        if (above.support_item != kGround &&
+            !SamePlace(items_[std::size_t(above.support_item)].volume.box, below.volume.box))
           continue;
         const double slack = 3 * mm_per_px_;
         if ((above.volume.box.min().head<2>().array() < below.volume.box.min().head<2>().array() - slack)
@@ -409,12 +438,12 @@ class SceneSolver {
         Keep(std::move(*seated[k]), int(pairs[k].second));
   }
 
-  // Is there no better item of nearly the same frame?
+  // Is there no better item of its kind and nearly the same frame?
   bool BestOfItsPlace(std::size_t i) const {
     constexpr double kSamePlace = 0.8;
     const auto& box = items_[i].volume.box;
     for (std::size_t k = 0; k < items_.size(); ++k) {
-      if (k == i) continue;
+      if (k == i || items_[k].kind != items_[i].kind) continue;
       const auto& other = items_[k].volume.box;
       const auto common = box.intersection(other);
       if (common.isEmpty() || common.volume() < kSamePlace * box.merged(other).volume()) continue;
@@ -444,119 +473,173 @@ class SceneSolver {
     return chain;
   }
 
+  // A set of items, supports before what they carry, and what it explains.
   struct Choice {
-    std::vector<int> accepted;
+    std::vector<int> items;
     double total = 0;
   };
 
-  // Greedy by what each adds to the explanation of all lines, `first` before all others.
-  Choice Choose(int first) {
-    Choice choice;
-    std::vector<bool> is_accepted(items_.size());
-    Claims claims = NoClaims();
-    Occluders around;
-    std::vector<std::pair<double, int>> queue;
-    for (std::size_t i = 0; i < items_.size(); ++i) queue.push_back({items_[i].h.log_odds, int(i)});
-    if (first >= 0) queue.push_back({INFINITY, first});
-    auto later = [](const auto& a, const auto& b) {
-      return a.first != b.first ? a.first < b.first : a.second > b.second;
-    };
-    std::make_heap(queue.begin(), queue.end(), later);
-    while (!queue.empty() && !progress_.Cancelled()) {
-      std::pop_heap(queue.begin(), queue.end(), later);
-      auto [old_score, i] = queue.back();
-      queue.pop_back();
-      if (is_accepted[std::size_t(i)]) continue;
-      // What it stands on comes first.
-      const std::vector<int> chain = ChainOf(i, is_accepted);
-      bool blocked = false;
-      for (int k : chain)
-        for (int a : choice.accepted) blocked = blocked || Conflicts(k, a);
-      if (blocked) continue;
-      // What is left for it when the other parts have explained their lines; and of each part under it that
-      // is new, when it has explained its own.
-      Occluders others = around;
-      for (int k : chain)
-        if (k != i) others.Add(SolidOf(k), k);
-      const double now = Left(i, others, claims);
-      double below = 0;
-      if (chain.size() > 1) {
-        Claims after = claims;
-        Claim(items_[std::size_t(i)], after);
-        Occluders above = around;
-        above.Add(SolidOf(i), i);
-        bool stand = true;
-        for (std::size_t k = 1; k < chain.size(); ++k) {
-          const double left = Left(chain[k], above, after);
-          stand = stand && left >= options_.accept_log_odds;
-          below += left;
-        }
-        if (!stand) continue;
+  // Holds the items that are new against the pictures.
+  void Enter() {
+    std::vector<PlacedObject> objects;
+    for (auto& item : items_)
+      if (item.candidate < 0) {
+        item.candidate = ledger_.size() + int(objects.size());
+        objects.push_back(item.h.object);
       }
-      if (now < options_.accept_log_odds) continue;
-      if (now < old_score - 1e-9 && std::isfinite(old_score) && !queue.empty() && now < queue.front().first) {
-        queue.push_back({now, i});
-        std::push_heap(queue.begin(), queue.end(), later);
-        continue;
+    ledger_.Add(objects, threads_);
+    for (auto& item : items_)
+      if (std::isnan(item.alone)) {
+        const Ledger::Share share = ledger_.Alone(item.candidate);
+        item.alone = Stands(share) ? share.log_odds : 0;
       }
-      choice.total += now + below;
-      for (auto k = chain.rbegin(); k != chain.rend(); ++k) {
-        is_accepted[std::size_t(*k)] = true;
-        choice.accepted.push_back(*k);
-        Claim(items_[std::size_t(*k)], claims);
-        around.Add(SolidOf(*k), *k);
-      }
-    }
-    return choice;
   }
 
-  double Left(int i, const Occluders& others, const Claims& claims) const {
+  bool Stands(const Ledger::Share& share) const {
+    return share.log_odds >= options_.accept_log_odds && share.elevated_log_odds >= options_.accept_log_odds;
+  }
+
+  // A part must bring more than its acceptance asks for; one that does not stand among the others costs that.
+  double Total(const std::vector<int>& items) {
+    std::vector<int> candidates;
+    for (int i : items) candidates.push_back(items_[std::size_t(i)].candidate);
+    double total = 0;
+    for (const auto& share : ledger_.Weigh(candidates))
+      total += (Stands(share) ? share.log_odds : 0) - options_.accept_log_odds;
+    return total;
+  }
+
+  bool ConflictsWithAny(const std::vector<int>& chain, const std::vector<int>& items) {
+    return std::any_of(chain.begin(), chain.end(), [&](int k) {
+      return std::any_of(items.begin(), items.end(), [&](int a) { return Conflicts(k, a); });
+    });
+  }
+
+  std::vector<int> MissingChain(int i, const std::vector<int>& items) const {
+    std::vector<bool> is_in(items_.size());
+    for (int k : items) is_in[std::size_t(k)] = true;
+    std::vector<int> chain = ChainOf(i, is_in);
+    std::reverse(chain.begin(), chain.end());
+    return chain;
+  }
+
+  // Adds those of `order` that explain more, one after the other.
+  void AddBest(const std::vector<int>& order, Choice& choice) {
+    for (int i : order) {
+      if (progress_.Cancelled()) return;
+      const std::vector<int> chain = MissingChain(i, choice.items);
+      if (chain.empty() || ConflictsWithAny(chain, choice.items)) continue;
+      std::vector<int> more = choice.items;
+      more.insert(more.end(), chain.begin(), chain.end());
+      const double total = Total(more);
+      if (total <= choice.total) continue;
+      choice = {std::move(more), total};
+    }
+  }
+
+  // The item of the same kind at the same place that stands on `support`; -1: none.
+  int TwinOn(int i, int support) const {
     const Item& item = items_[std::size_t(i)];
-    return Weigh(SolidOf(i), item.h.views, scene_,
-                 {.prior_log_odds = PriorLogOdds(item.h.object, scene_.mm_per_px)}, &others, &claims)
-        .Score();
-  }
-
-  // A part cut in two explains as much as the whole, and a little more: few parts are likelier than many.
-  static double Worth(const Choice& choice) {
-    constexpr double kPerPart = 40;  // about what the evidence of one more contour or two grows to
-    return choice.total - kPerPart * double(choice.accepted.size());
-  }
-
-  // The set of items that together explain most. Greedy, then what lost to several others or to what could
-  // stand on it gets its chance of being first.
-  void Select() {
-    tried_.clear();
-    Choice best = Choose(-1);
-    constexpr int kMaxTrials = 12;
-    for (int trial = 0; trial < kMaxTrials && !progress_.Cancelled(); ++trial) {
-      std::vector<bool> is_accepted(items_.size());
-      for (int a : best.accepted) is_accepted[std::size_t(a)] = true;
-      // The best that lost to more than one, or that carries others.
-      std::vector<std::pair<double, int>> losers;
-      for (std::size_t i = 0; i < items_.size(); ++i) {
-        if (is_accepted[i] || tried_.contains(int(i)) || items_[i].h.log_odds < options_.doubtful_log_odds)
-          continue;
-        // It comes with what it stands on.
-        const std::vector<int> chain = ChainOf(int(i), is_accepted);
-        const auto rivals = std::count_if(best.accepted.begin(), best.accepted.end(), [&](int a) {
-          return std::any_of(chain.begin(), chain.end(), [&](int k) { return Conflicts(k, a); });
-        });
-        const bool carries = std::any_of(items_.begin(), items_.end(),
-                                         [&](const Item& other) { return other.support_item == int(i); });
-        if (rivals > 1 || (rivals == 1 && carries)) losers.push_back({-items_[i].h.log_odds, int(i)});
-      }
-      if (losers.empty()) break;
-      std::sort(losers.begin(), losers.end());
-      const int loser = losers.front().second;
-      tried_.insert(loser);
-      Choice other = Choose(loser);
-      if (Worth(other) > Worth(best) + kBarely) best = std::move(other);
+    int best = -1;
+    for (std::size_t k = 0; k < items_.size(); ++k) {
+      const Item& other = items_[k];
+      if (other.support_item != support || other.kind != item.kind ||
+          !SamePlace(item.volume.box, other.volume.box))
+        continue;
+      if (best < 0 || other.alone > items_[std::size_t(best)].alone) best = int(k);
     }
-    accepted_ = std::move(best.accepted);
+    return best;
+  }
+
+  static bool SamePlace(const Eigen::AlignedBox3d& a, const Eigen::AlignedBox3d& b) {
+    constexpr double kSamePlace = 0.7;
+    const auto common = a.intersection(b);
+    return !common.isEmpty() && common.volume() > kSamePlace * a.merged(b).volume();
+  }
+
+  // The choice with item `i` and what it stands on in the place of what is in its way; what stood there
+  // stands on `i` now where it can; then what else has room.
+  Choice With(int i, const Choice& choice, const std::vector<int>& order, std::vector<int>& removed) {
+    constexpr std::size_t kMostRefills = 6;
+    const std::vector<int> chain = MissingChain(i, choice.items);
+    Choice with;
+    removed.clear();
+    std::vector<int> fallen;
+    for (int a : choice.items) {
+      const int on = items_[std::size_t(a)].support_item;
+      if (ConflictsWithAny(chain, {a}))
+        removed.push_back(a);
+      else if (std::find(removed.begin(), removed.end(), on) != removed.end())
+        fallen.push_back(a), removed.push_back(a);
+      else
+        with.items.push_back(a);
+    }
+    with.items.insert(with.items.end(), chain.begin(), chain.end());
+    for (int a : fallen) {
+      const int twin = TwinOn(a, i);
+      if (twin >= 0 && !ConflictsWithAny({twin}, with.items)) with.items.push_back(twin);
+    }
+    with.total = Total(with.items);
+    std::vector<int> refills;
+    double hope = with.total;
+    for (int k : order) {
+      if (refills.size() == kMostRefills) break;
+      if (std::find(with.items.begin(), with.items.end(), k) != with.items.end()) continue;
+      const bool near = std::any_of(removed.begin(), removed.end(), [&](int r) {
+        return items_[std::size_t(r)].volume.box.intersects(items_[std::size_t(k)].volume.box);
+      });
+      if (!near) continue;
+      const std::vector<int> more = MissingChain(k, with.items);
+      if (more.size() > 1 || ConflictsWithAny(more, with.items)) continue;
+      refills.push_back(k);
+      hope += items_[std::size_t(k)].alone;
+    }
+    if (hope > choice.total - kBarely) AddBest(refills, with);
+    return with;
+  }
+
+  // The set of items that together explains most: greedy, then each item that was left out is given the place
+  // of what is in its way, and each accepted one taken out, as long as that explains more.
+  void Select() {
+    Enter();
+    std::vector<int> order;
+    for (std::size_t i = 0; i < items_.size(); ++i)
+      if (items_[i].alone > 0) order.push_back(int(i));
+    std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+      return items_[std::size_t(a)].alone > items_[std::size_t(b)].alone;
+    });
+    Choice best;
+    AddBest(order, best);
+    constexpr int kMaxPasses = 4;
+    bool better = true;
+    for (int pass = 0; better && pass < kMaxPasses && !progress_.Cancelled(); ++pass) {
+      better = false;
+      rivals_.clear();
+      for (int i : order) {
+        if (std::find(best.items.begin(), best.items.end(), i) != best.items.end()) continue;
+        std::vector<int> removed;
+        Choice with = With(i, best, order, removed);
+        if (with.total > best.total + kClearly) {
+          best = std::move(with);
+          better = true;
+          continue;
+        }
+        for (int r : removed) NoteRival(r, i, best.total - with.total);
+      }
+    }
+    accepted_ = std::move(best.items);
     std::sort(accepted_.begin(), accepted_.end());
     for (auto& item : items_) item.accepted = false;
     for (int i : accepted_) items_[std::size_t(i)].accepted = true;
+  }
+
+  // What would be lost if item `rival` took the place of `accepted`.
+  void NoteRival(int accepted, int rival, double loss) {
+    constexpr double kSamePart = 0.3;
+    const Item &mine = items_[std::size_t(accepted)], &other = items_[std::size_t(rival)];
+    if (mine.kind == other.kind || SharedVolume(mine.volume, other.volume, kTouchMm) < kSamePart) return;
+    const auto it = rivals_.find(accepted);
+    if (it == rivals_.end() || loss < it->second.loss) rivals_[accepted] = {rival, loss};
   }
 
   // A line; of an arc all of it.
@@ -585,33 +668,43 @@ class SceneSolver {
     std::sort(accepted_.begin(), accepted_.end());
     // Supports before what stands on them.
     std::stable_sort(accepted_.begin(), accepted_.end(), [&](int a, int b) { return Level(a) < Level(b); });
-    Occluders everything;
+    std::vector<int> candidates;
     for (std::size_t k = 0; k < accepted_.size(); ++k) {
       items_[std::size_t(accepted_[k])].part = int(k);
-      everything.Add(PlaceSolid(items_[std::size_t(accepted_[k])].h.object, false), accepted_[k]);
+      candidates.push_back(items_[std::size_t(accepted_[k])].candidate);
     }
+    const std::vector<Ledger::Share> shares = ledger_.Weigh(candidates);
     for (int i : accepted_) {
       Item& item = items_[std::size_t(i)];
       IdentifiedPart part;
       part.object = item.h.object;
       part.stands_on = item.support_item < 0 ? -1 : items_[std::size_t(item.support_item)].part;
-      const WorldSolid solid = PlaceSolid(part.object, false);
-      part.views = ViewsThatSee(solid, views_, int(views_.size()));
-      const Evidence evidence =
-          Weigh(solid, part.views, scene_, {.prior_log_odds = PriorLogOdds(part.object, scene_.mm_per_px)},
-                &everything);
-      part.log_odds = evidence.Score();
-      for (const auto& other : items_) {
-        if (other.accepted || other.kind == item.kind) continue;
-        if (part.runner_up && other.h.log_odds <= part.runner_up->log_odds) continue;
-        if (SharedVolume(item.volume, other.volume, kTouchMm) < 0.3) continue;
-        part.runner_up = RunnerUp{other.kind, other.h.log_odds};
-      }
+      part.views = ViewsThatSee(PlaceSolid(part.object, false), views_, int(views_.size()));
+      part.log_odds = shares[std::size_t(item.part)].log_odds;
+      const auto rival = rivals_.find(i);
+      if (rival != rivals_.end())
+        part.runner_up =
+            RunnerUp{items_[std::size_t(rival->second.item)].kind, part.log_odds - rival->second.loss};
       part.doubtful = part.log_odds < options_.doubtful_log_odds ||
-                      (part.runner_up && std::abs(part.runner_up->log_odds - item.h.log_odds) < kBarely);
+                      (rival != rivals_.end() && rival->second.loss < kBarely);
       result.parts.push_back(std::move(part));
     }
+    result.unknown = Unexplained();
     return result;
+  }
+
+  // Groups of edges of the world that no accepted part explains.
+  std::vector<UnknownGroup> Unexplained() const {
+    const Known known = Explained(accepted_);
+    std::vector<WorldLine> lines;
+    for (const auto& l : lines_)
+      if (!Explains(known.claims, l)) lines.push_back(l);
+    std::vector<WorldCircle> circles;
+    for (const auto& c : circles_)
+      if (!known.claims[std::size_t(c.arcs[0].view)][ChordOf(c.arcs[0])]) circles.push_back(c);
+    std::vector<Eigen::AlignedBox3d> boxes;
+    for (int i : accepted_) boxes.push_back(items_[std::size_t(i)].volume.box);
+    return FindUnknown(lines, circles, boxes, mm_per_px_);
   }
 
   int Level(int i) const {
@@ -627,13 +720,18 @@ class SceneSolver {
   const Progress& progress_;
   std::vector<KindTemplate> templates_;
   SceneIndex scene_;
+  Ledger ledger_{scene_};
   double mm_per_px_ = 1;
   std::vector<WorldLine> lines_;
   std::vector<WorldCircle> circles_;
   std::vector<Item> items_;
   std::vector<int> accepted_;
   std::map<std::pair<int, int>, bool> conflicts_;  // of items, by index
-  std::set<int> tried_;                            // items that were given the first place once
+  struct Rival {
+    int item;
+    double loss;
+  };
+  std::map<int, Rival> rivals_;  // of accepted items: what would explain least less in their place
 };
 
 }  // namespace
@@ -668,6 +766,13 @@ std::vector<std::vector<ContourMatch>> MatchLines(std::span<const View> views,
                      .matches;
   });
   return matches;
+}
+
+std::vector<Evidence> WeighObjects(std::span<const View> views, std::span<const PlacedObject> objects,
+                                   const IdentifyOptions& options, int threads) {
+  const KnowledgeBase none;
+  SceneSolver solver(views, none, options, threads, {});
+  return solver.WeighEach(objects);
 }
 
 Result<SceneResult> IdentifyScene(std::span<const View> views, const KnowledgeBase& knowledge,

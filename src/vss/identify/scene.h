@@ -10,6 +10,7 @@
 #include "vss/identify/evidence.h"
 #include "vss/identify/placed_object.h"
 #include "vss/identify/view.h"
+#include "vss/identify/weigh.h"
 
 namespace vss {
 
@@ -37,13 +38,18 @@ struct SceneResult {
   std::vector<UnknownGroup> unknown;
 };
 
-// Deterministic for any number of threads. An error only on cancel.
 // For each object, which lines of the views lie on its visible contour; `ContourMatch::image` is the index
 // into the views. For the objects as they are reported: after reconstruction.
 std::vector<std::vector<ContourMatch>> MatchLines(std::span<const View> views,
                                                   std::span<const PlacedObject> objects,
                                                   const IdentifyOptions& options, int threads);
 
+// How much the pictures speak for each of the objects, each beside all others, as IdentifyScene() weighs
+// them.
+std::vector<Evidence> WeighObjects(std::span<const View> views, std::span<const PlacedObject> objects,
+                                   const IdentifyOptions& options, int threads);
+
+// Deterministic for any number of threads. An error only on cancel.
 Result<SceneResult> IdentifyScene(std::span<const View> views, const KnowledgeBase& knowledge,
                                   const IdentifyOptions& options, int threads, const Progress& progress);
 

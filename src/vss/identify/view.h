@@ -6,6 +6,7 @@
 
 #include "vss/camera/camera.h"
 #include "vss/feature/line_image.h"
+#include "vss/image/grey_image.h"
 
 namespace vss {
 
@@ -16,6 +17,7 @@ struct View {
   int stop = -1;  // pictures with the same number were taken with the carriage (and its lamps) at one place;
                   // -1: none
   const LineImage* lines = nullptr;
+  GreyView picture{};  // grey values proportional to light; without data where only the lines are known
   Eigen::Vector3d center_in_world = Eigen::Vector3d::Zero();
 
   // The picture's frame in `ideal` px: what lies in the first box is surely inside the picture, what lies out

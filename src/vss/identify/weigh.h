@@ -2,6 +2,7 @@
 #pragma once
 #include <Eigen/Core>
 #include <algorithm>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -18,6 +19,8 @@ struct SceneIndex {
   std::vector<LineIndex> lines;
   std::vector<std::vector<double>>
       density;  // per view and direction bin: chance that some line lies within 1 px of a point, per px
+  std::vector<double>
+      typical_step;  // per view: of the grey values where nothing is predicted (TypicalResponse)
   double tolerance_px = 1.5;
   double sigma_px = 0.5;  // standard deviation of a line's distance from the contour that it shows
   double mm_per_px = 1;   // typical size of a pixel in the scene
@@ -68,9 +71,61 @@ struct WeighOptions {
   double spacing_px = 6;
   int min_samples = 3, max_samples = 24;  // an edge
   bool keep_matches = false;
+  bool grey = false;   // ask the grey values where there is no line
   bool rough = false;  // for a start that is not yet fitted; without the comparison with paint
   double prior_log_odds = 0;
 };
+
+// The contour of a solid held against the pictures, sample by sample, before it is decided what hides it and
+// whose the lines are.
+struct MeasuredContours {
+  struct Contour {
+    ContourSample::Source source = ContourSample::Source::kEdge;
+    int index = 0;
+    double weight = 1, detect = 1;  // how often it is found where it is
+    bool elevated = false;          // above the support
+  };
+  struct Sample {
+    int contour = 0;
+    int line = -1;  // of the picture's line index; -1: none
+    int lost = 0;   // the line is a nearer contour's: 1 unresolvable, 2 missed
+    bool asked = false;
+    Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
+    double step_px = 0, chance = 0, distance_px = 0, along_px = 0;
+    double ends = 0, step = 0;  // log-odds of where the line ends, of the grey values where there is no line
+  };
+  // The nearest other contour that runs beside one.
+  struct Neighbour {
+    double distance_px = 1e9;
+    int contour = -1;
+  };
+  struct InView {
+    int view = 0;
+    std::vector<Sample> samples;     // those visible as far as was known
+    std::vector<Neighbour> crowded;  // by contour
+  };
+  std::vector<Contour> contours;
+  std::vector<InView> views;
+};
+MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
+                                 const WeighOptions& options, const Occluders* others = nullptr);
+
+// What one picture says of the contours that it should show.
+struct ContourVote {
+  struct Contour {
+    int contour = 0;
+    double visible_px = 0, open_px = 0, supported_px = 0;
+    double per_piece = 0;  // log-odds of an independent piece, in the mean
+    double ends = 0;
+  };
+  std::vector<Contour> contours;
+};
+// `visible(i)`, `taken(i)`: of the view's samples; empty: all are visible, no line is another part's.
+ContourVote VoteOf(const MeasuredContours& measured, const MeasuredContours::InView& in_view,
+                   const std::function<bool(std::size_t)>& visible,
+                   const std::function<bool(std::size_t)>& taken, const SceneIndex& scene, bool rough);
+// As how many independent pieces a contour of this length in a picture counts.
+double IndependentPieces(double px);
 
 // The views that see the object, those that show it largest first, at most `most`.
 std::vector<int> ViewsThatSee(const WorldSolid& solid, std::span<const View> views, int most);
@@ -82,6 +137,14 @@ double PriorLogOdds(const PlacedObject& object, double mm_per_px);
 Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
                const WeighOptions& options, const Occluders* others = nullptr,
                const Claims* claims = nullptr);
+
+// What the contours that stand above the support would explain if they were painted on it; 0 for what is too
+// high to be taken for paint.
+double PaintedLogOdds(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
+                      const WeighOptions& options, const Occluders* others = nullptr,
+                      const Claims* claims = nullptr);
+// Paint must be where an object's foot would be, which is this share of what the prior asks for.
+inline constexpr double kElevatedPrior = 0.5;
 
 // Gauss-Newton of the state to the lines nearest to the predicted contour. `free`: which state entries may
 // move. `reach_px`: lines further away are not looked at, from the first to the last iteration. Returns the

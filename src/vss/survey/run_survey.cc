@@ -85,6 +85,7 @@ Status ForEachPicture(std::size_t count, std::string_view step, int threads, con
 // more texture than edges, and take their time; so large pictures of that kind are reduced.
 struct ReducedSurvey {
   std::vector<Camera> cameras;
+  std::vector<GreyImage> pictures;
   std::vector<LineImage> lines;
   std::vector<View> views;
 };
@@ -104,17 +105,20 @@ Result<ReducedSurvey> Reduce(const Survey& survey, const std::vector<GreyImage>&
   ReducedSurvey out;
   for (const auto& camera : survey.cameras) out.cameras.push_back(Reduced(camera, factor));
   out.lines.resize(pictures.size());
+  out.pictures.resize(pictures.size());
   VSS_RETURN_IF_ERROR(
       ForEachPicture(pictures.size(), "reduced pictures", options.threads, progress, [&](std::size_t i) {
         thread_local LineWorkspace workspace;
         const Camera& camera = out.cameras[static_cast<std::size_t>(survey.images[i].camera)];
-        out.lines[i] = DetectLines(Reduced(pictures[i].view(), factor).view(), &camera.intrinsics,
-                                   options.lines, &workspace);
+        out.pictures[i] = Reduced(pictures[i].view(), factor);
+        out.lines[i] = DetectLines(out.pictures[i].view(), &camera.intrinsics, options.lines, &workspace);
       }));
-  for (std::size_t i = 0; i < views.size(); ++i)
+  for (std::size_t i = 0; i < views.size(); ++i) {
     out.views.push_back(MakeView(views[i].image,
                                  out.cameras[static_cast<std::size_t>(survey.images[i].camera)],
                                  views[i].cam_from_world, views[i].stop, &out.lines[i]));
+    out.views.back().picture = out.pictures[i].view();
+  }
   return out;
 }
 
@@ -173,7 +177,8 @@ Result<std::vector<LineImage>> DetectSurveyLines(const Survey& survey, const std
   return lines;
 }
 
-std::vector<View> MakeViews(const Survey& survey, const std::vector<LineImage>& lines) {
+std::vector<View> MakeViews(const Survey& survey, const std::vector<LineImage>& lines,
+                            const std::vector<GreyImage>& pictures) {
   constexpr double kSameStop_mm = 1e-3;  // displacements are written with fewer digits than this
   std::vector<Eigen::Vector3d> stops;
   std::vector<View> views;
@@ -189,6 +194,7 @@ std::vector<View> MakeViews(const Survey& survey, const std::vector<LineImage>& 
     }
     views.push_back(MakeView(static_cast<int>(i), survey.cameras[static_cast<std::size_t>(image.camera)],
                              image.cam_from_world, stop, &lines[i]));
+    if (!pictures.empty()) views.back().picture = pictures[i].view();
   }
   return views;
 }
@@ -216,7 +222,7 @@ Result<SurveyOutcome> RunSurvey(const Survey& survey, const SurveyOptions& optio
   watch.Stop("pictures");
   VSS_ASSIGN(outcome.lines, DetectSurveyLines(survey, pictures, options, progress));
   watch.Stop("lines");
-  const std::vector<View> views = MakeViews(survey, outcome.lines);
+  const std::vector<View> views = MakeViews(survey, outcome.lines, pictures);
   std::optional<ReducedSurvey> reduced;
   if (const int factor = ReductionFactor(views); factor > 1) {
     VSS_ASSIGN(reduced, Reduce(survey, pictures, views, factor, options, progress));

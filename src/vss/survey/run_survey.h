@@ -41,7 +41,8 @@ Result<std::vector<LineImage>> DetectSurveyLines(const Survey& survey, const std
 
 // The pictures as identification sees them; pictures taken at one gantry displacement share a stop. Point
 // into `survey` and `lines`, which must outlive them.
-std::vector<View> MakeViews(const Survey& survey, const std::vector<LineImage>& lines);
+std::vector<View> MakeViews(const Survey& survey, const std::vector<LineImage>& lines,
+                            const std::vector<GreyImage>& pictures = {});
 
 // The survey's pictures by name, as files refer to them.
 std::vector<std::string> ImageFiles(const Survey& survey);

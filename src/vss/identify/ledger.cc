@@ -1,0 +1,206 @@
+#include "vss/identify/ledger.h"
+
+#include <cmath>
+#include <numeric>
+#include <unordered_map>
+
+#include "vss/base/parallel.h"
+
+namespace vss {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+// Pieces of a line this long have one owner each.
+constexpr double kOwnedPx = 6;
+
+// What the solid's corners and rims cover in a picture; all of it where some are behind the camera.
+Eigen::AlignedBox2d ScreenOf(const WorldSolid& solid, const View& view) {
+  Eigen::AlignedBox2d box;
+  const Eigen::AlignedBox2d all(Vector2d::Constant(-1e9), Vector2d::Constant(1e9));
+  for (const auto& f : solid.faces)
+    for (const auto& t : f.triangles)
+      for (const auto& p : t) {
+        const auto ideal = view.ProjectIdeal(p);
+        if (!ideal) return all;
+        box.extend(*ideal);
+      }
+  return box;
+}
+
+// Contours of different candidates that lie on one line.
+class Groups {
+ public:
+  explicit Groups(std::size_t size) : parent_(size) {
+    std::iota(parent_.begin(), parent_.end(), std::size_t{0});
+  }
+  std::size_t Root(std::size_t i) const {
+    while (parent_[i] != i) i = parent_[i];
+    return i;
+  }
+  void Join(std::size_t a, std::size_t b) {
+    a = Root(a), b = Root(b);
+    parent_[std::max(a, b)] = std::min(a, b);
+  }
+
+ private:
+  std::vector<std::size_t> parent_;
+};
+
+}  // namespace
+
+void Ledger::Add(std::span<const PlacedObject> objects, int threads) {
+  constexpr int kManyViews = 40;  // the search looks at some pictures, the decision at many
+  const std::size_t first = candidates_.size();
+  candidates_.resize(first + objects.size());
+  ParallelFor(objects.size(), threads, [&](std::size_t i) {
+    Candidate& c = candidates_[first + i];
+    const WorldSolid solid = PlaceSolid(objects[i], false);
+    const auto views = ViewsThatSee(solid, scene_.views, kManyViews);
+    c.prior = PriorLogOdds(objects[i], scene_.mm_per_px);
+    c.measured = MeasureContours(solid, views, scene_, {.grey = true});
+    c.painted = PaintedLogOdds(solid, views, scene_, {});
+    c.body.Add(solid, int(first + i));
+    c.slot_of_view.assign(scene_.views.size(), -1);
+    for (std::size_t s = 0; s < c.measured.views.size(); ++s)
+      c.slot_of_view[std::size_t(c.measured.views[s].view)] = int(s);
+    for (std::size_t v = 0; v < scene_.views.size(); ++v)
+      c.screen.push_back(ScreenOf(solid, scene_.views[v]));
+  });
+}
+
+const std::vector<bool>& Ledger::Hidden(int i, int slot, int k) {
+  auto& slots = hidden_[{i, k}];
+  const Candidate& c = candidates_[std::size_t(i)];
+  if (slots.empty()) {
+    slots.resize(c.measured.views.size());
+    for (std::size_t s = 0; s < slots.size(); ++s) {
+      const auto& in_view = c.measured.views[s];
+      const auto v = std::size_t(in_view.view);
+      if (!c.screen[v].intersects(candidates_[std::size_t(k)].screen[v])) continue;
+      std::vector<Vector3d> points;
+      for (const auto& sample : in_view.samples) points.push_back(sample.point_in_world);
+      auto hidden = HiddenBy(scene_.views[v], candidates_[std::size_t(k)].body, points);
+      if (std::find(hidden.begin(), hidden.end(), true) != hidden.end()) slots[s] = std::move(hidden);
+    }
+  }
+  return slots[std::size_t(slot)];
+}
+
+std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
+  std::vector<std::size_t> first_contour(set.size() + 1);
+  for (std::size_t n = 0; n < set.size(); ++n)
+    first_contour[n + 1] = first_contour[n] + candidates_[std::size_t(set[n])].measured.contours.size();
+  Groups groups(first_contour.back());
+  struct Vote {
+    std::size_t contour;
+    int view;
+    ContourVote::Contour said;
+  };
+  std::vector<Vote> votes;
+  std::vector<char> visible;
+  std::vector<std::size_t> offset;
+  struct Owner {
+    double distance_px;
+    std::size_t contour;
+  };
+  std::unordered_map<std::int64_t, Owner> owners;      // by line and piece of it
+  std::unordered_map<int, std::size_t> first_on_line;  // a contour on each line
+  for (std::size_t v = 0; v < scene_.views.size(); ++v) {
+    const LineIndex& index = scene_.lines[v];
+    // All chords of an arc are one line.
+    auto line_of = [&](const MeasuredContours::Sample& m) {
+      const int arc = index.lines()[std::size_t(m.line)].arc;
+      return arc < 0 ? m.line : index.num_segments() + arc;
+    };
+    owners.clear();
+    first_on_line.clear();
+    visible.clear();
+    offset.assign(set.size() + 1, 0);
+    auto key = [](const MeasuredContours::Sample& m) {
+      return (std::int64_t(m.line) << 24) + std::int64_t(std::max(0.0, m.along_px) / kOwnedPx);
+    };
+    for (std::size_t n = 0; n < set.size(); ++n) {
+      offset[n] = visible.size();
+      const Candidate& c = candidates_[std::size_t(set[n])];
+      const int slot = c.slot_of_view[v];
+      if (slot < 0) continue;
+      const auto& samples = c.measured.views[std::size_t(slot)].samples;
+      visible.resize(visible.size() + samples.size(), 1);
+      char* mine = visible.data() + offset[n];
+      for (const int k : set) {
+        if (k == set[n] || !c.screen[v].intersects(candidates_[std::size_t(k)].screen[v])) continue;
+        const auto& hidden = Hidden(set[n], slot, k);
+        for (std::size_t i = 0; i < hidden.size(); ++i)
+          if (hidden[i]) mine[i] = 0;
+      }
+      for (std::size_t i = 0; i < samples.size(); ++i) {
+        const auto& m = samples[i];
+        if (!mine[i] || m.line < 0 || m.lost != 0) continue;
+        const std::size_t contour = first_contour[n] + std::size_t(m.contour);
+        const auto [it, is_new] = owners.try_emplace(key(m), Owner{m.distance_px, contour});
+        if (!is_new && m.distance_px < it->second.distance_px) it->second = {m.distance_px, contour};
+      }
+    }
+    offset[set.size()] = visible.size();
+    for (std::size_t n = 0; n < set.size(); ++n) {
+      const Candidate& c = candidates_[std::size_t(set[n])];
+      const int slot = c.slot_of_view[v];
+      if (slot < 0) continue;
+      const auto& in_view = c.measured.views[std::size_t(slot)];
+      const char* mine = visible.data() + offset[n];
+      auto taken = [&](std::size_t i) {
+        const auto& m = in_view.samples[i];
+        const auto it = owners.find(key(m));
+        return it != owners.end() &&
+               (it->second.contour < first_contour[n] || it->second.contour >= first_contour[n + 1]);
+      };
+      for (std::size_t i = 0; i < in_view.samples.size(); ++i) {
+        const auto& m = in_view.samples[i];
+        if (!mine[i] || m.line < 0 || m.lost != 0 || taken(i)) continue;
+        const std::size_t contour = first_contour[n] + std::size_t(m.contour);
+        const auto [it, is_new] = first_on_line.try_emplace(line_of(m), contour);
+        if (!is_new && (it->second < first_contour[n])) groups.Join(it->second, contour);
+      }
+      for (const auto& said :
+           VoteOf(
+               c.measured, in_view, [&](std::size_t i) { return mine[i] != 0; }, taken, scene_, false)
+               .contours)
+        votes.push_back({first_contour[n] + std::size_t(said.contour), int(v), said});
+    }
+  }
+  // Pieces of one contour fail and are found together, whether in one candidate or several.
+  std::unordered_map<std::int64_t, double> open_px;  // by group and view
+  std::vector<int> num_views(first_contour.back());
+  std::vector<int> last_view(first_contour.back(), -1);
+  for (const Vote& vote : votes) {
+    const std::size_t root = groups.Root(vote.contour);
+    open_px[(std::int64_t(root) << 20) + vote.view] += vote.said.open_px;
+    if (last_view[root] != vote.view) ++num_views[root], last_view[root] = vote.view;
+  }
+  std::vector<Share> out(set.size());
+  for (std::size_t n = 0; n < set.size(); ++n) {
+    const Candidate& c = candidates_[std::size_t(set[n])];
+    out[n].log_odds = c.prior;
+    out[n].elevated_log_odds = kElevatedPrior * c.prior - c.painted;
+  }
+  std::size_t n = 0;
+  std::vector<std::size_t> owner_of(first_contour.back());
+  for (n = 0; n < set.size(); ++n)
+    for (std::size_t k = first_contour[n]; k < first_contour[n + 1]; ++k) owner_of[k] = n;
+  for (const Vote& vote : votes) {
+    if (vote.said.open_px <= 0) continue;
+    const std::size_t root = groups.Root(vote.contour), who = owner_of[vote.contour];
+    const double all_px = open_px[(std::int64_t(root) << 20) + vote.view];
+    const double pieces = IndependentPieces(all_px) * vote.said.open_px / all_px;
+    const double log_odds =
+        (vote.said.ends + pieces * vote.said.per_piece) / std::sqrt(double(num_views[root]));
+    out[who].log_odds += log_odds;
+    const auto& contours = candidates_[std::size_t(set[who])].measured.contours;
+    if (contours[vote.contour - first_contour[who]].elevated) out[who].elevated_log_odds += log_odds;
+  }
+  return out;
+}
+
+}  // namespace vss

@@ -1,0 +1,47 @@
+// The evidence of all pictures shared out among a set of parts: what hides what, whose a line is, and what
+// the whole set explains. Each candidate is held against the pictures once; sets are then weighed without
+// looking again.
+#pragma once
+#include <map>
+#include <span>
+#include <vector>
+
+#include "vss/identify/weigh.h"
+
+namespace vss {
+
+class Ledger {
+ public:
+  explicit Ledger(const SceneIndex& scene) : scene_(scene) {}
+
+  // Holds candidates against the pictures; their numbers follow those added before.
+  void Add(std::span<const PlacedObject> objects, int threads);
+  int size() const { return int(candidates_.size()); }
+
+  // Of one candidate among a set.
+  struct Share {
+    double log_odds = 0;           // its contours' evidence and its prior
+    double elevated_log_odds = 0;  // the same of what stands above its support, less what paint would explain
+  };
+  // Of every candidate of `set`, in its order: samples that another of the set hides do not count; a line
+  // that contours of several lie on speaks for the nearest; one contour that several continue counts as one.
+  std::vector<Share> Weigh(std::span<const int> set);
+  Share Alone(int candidate) { return Weigh({&candidate, 1})[0]; }
+
+ private:
+  struct Candidate {
+    MeasuredContours measured;
+    Occluders body;
+    double prior = 0, painted = 0;
+    std::vector<int> slot_of_view;            // index into measured.views, -1: not seen
+    std::vector<Eigen::AlignedBox2d> screen;  // by view: what its solid covers
+  };
+  // Samples of candidate i in its slot that candidate k hides; empty: none.
+  const std::vector<bool>& Hidden(int i, int slot, int k);
+
+  const SceneIndex& scene_;
+  std::vector<Candidate> candidates_;
+  std::map<std::pair<int, int>, std::vector<std::vector<bool>>> hidden_;  // of (i, k): by slot
+};
+
+}  // namespace vss
