@@ -4,7 +4,8 @@
 //
 //   accuracy_identify SURVEY_FOLDER... [--threads N] [--edges ID]... [--set NAME=VALUE]...
 //
-// --edges: the evidence of every contour of the true part ID; "false": of every invented one.
+// --edges: the evidence of every contour of the true part ID, "all": of every one, "false": of every invented
+// one.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -86,8 +87,8 @@ void PrintEdges(const PlacedObject& object, const Evidence& evidence) {
     } else {
       where = fmt::format("{} {}", e.source == ContourSample::Source::kCircle ? "circle" : "limb", e.index);
     }
-    fmt::print("      {:<70} {:3} pictures, {:5.0f} of {:5.0f} px, {:6.1f}\n", where, e.views, e.supported_px,
-               e.visible_px, e.log_odds);
+    fmt::print("      {:<70} {:3} pictures, {:5.0f} of {:5.0f} px ({:.0f} empty) rms {:.2f}, {:6.1f}\n",
+               where, e.views, e.supported_px, e.visible_px, e.empty_px, e.rms_px, e.log_odds);
   }
 }
 
@@ -156,7 +157,7 @@ void Run(const fs::path& folder, const Arguments& args, Tally& tally) {
                  scene.parts[std::size_t(part_of[i])].doubtful ? " doubtful" : "");
     if (p.contains("seen_px")) fmt::print(" [{} px]", p["seen_px"].get<int>());
     fmt::print("\n");
-    if (args.edges.contains(id)) PrintEdges(objects[i], evidence[i]);
+    if (args.edges.contains(id) || args.edges.contains("all")) PrintEdges(objects[i], evidence[i]);
   }
   std::vector<PlacedObject> given;
   for (const auto& part : scene.parts) given.push_back(part.object);

@@ -22,7 +22,7 @@ constexpr double kEndTolerancePx = 4;
 constexpr double kSeedTolerancePx = 1.5;
 constexpr int kMaxPeaks = 7;
 // A voted value must beat the usual one by this: it was picked among several, one of which fits by chance.
-constexpr double kPicked = 20;
+constexpr double kPicked = 8;
 
 Vector3d EdgeDirection(const WorldSolid& s, const SolidEdge& e) {
   return s.vertices[std::size_t(e.end)].point - s.vertices[std::size_t(e.start)].point;
@@ -205,6 +205,11 @@ class Seeder {
       else
         highs[0] = (ea.second + eb.second) / 2;
     }
+    if (inclined) {
+      const auto [low, high] = MedianEnds(a, unit);
+      if (std::abs(low - lows[0]) > apart) lows.push_back(low);
+      if (std::abs(high - highs[0]) > apart) highs.push_back(high);
+    }
     for (int flip = 0; flip < (inclined ? 1 : 2); ++flip) {
       const Vector3d toward = flip ? Vector3d(-unit) : unit;
       const double yaw = std::atan2(toward.y(), toward.x()) - std::atan2(first.y(), first.x());
@@ -221,9 +226,35 @@ class Seeder {
                         (flip == 1) != (second.dot(first) < 0)};
           if (pair.same_extent && !inclined && !EndsSeen(ta, tb)) continue;
           const EdgeTarget targets[] = {ta, tb};
-          Seed(yaw, (a.start + a.end) / 2, targets, {});
+          // Ends of slanted edges are hidden as often as not: once believed, once left open.
+          Seed(yaw, (a.start + a.end) / 2, targets, {}, true);
+          if (inclined) Seed(yaw, (a.start + a.end) / 2, targets, {}, false);
         }
     }
+  }
+
+  // Where the line ends in the median of its pictures, along `unit` from its start. Seen along its plane, a
+  // slanted edge and the level one that continues it are one line: the outermost ends are not its own.
+  std::pair<double, double> MedianEnds(const WorldLine& l, const Vector3d& unit) const {
+    std::vector<double> lows, highs;
+    for (const LineRef& r : l.lines) {
+      const ViewLine& line = context_.scene.lines[std::size_t(r.view)].lines()[std::size_t(r.line)];
+      const Vector3d w = l.start - context_.scene.views[std::size_t(r.view)].center_in_world;
+      double ends[2];
+      int n = 0;
+      for (const Vector3d& ray : {line.ray_start, line.ray_end}) {
+        // The point of the line nearest to the ray.
+        const double b = unit.dot(ray);
+        ends[n++] = (b * ray.dot(w) - unit.dot(w)) / std::max(1 - b * b, 1e-9);
+      }
+      lows.push_back(std::min(ends[0], ends[1]));
+      highs.push_back(std::max(ends[0], ends[1]));
+    }
+    auto median = [](std::vector<double>& v) {
+      std::nth_element(v.begin(), v.begin() + std::ptrdiff_t(v.size() / 2), v.end());
+      return v[v.size() / 2];
+    };
+    return {median(lows), median(highs)};
   }
 
   // The face's two other sides, between the ends of its long ones: where they are long enough to be found and
@@ -263,12 +294,12 @@ class Seeder {
     for (const auto& c : context_.circles)
       for (int rim : kind_.rims) {
         const CircleTarget target{rim, c.center, c.radius_mm};
-        Seed(0, c.center, {}, {&target, 1});
+        Seed(0, c.center, {}, {&target, 1}, true);
       }
   }
 
   void Seed(double yaw, const Vector3d& near, std::span<const EdgeTarget> edges,
-            std::span<const CircleTarget> circles) {
+            std::span<const CircleTarget> circles, bool trust_ends) {
     PlacedObject o = usual_;
     o.placement[0] = near.x();
     o.placement[1] = near.y();
@@ -307,8 +338,7 @@ class Seeder {
     Hypothesis h;
     h.object = o;
     h.determined.resize(defs.size());
-    // Ends of slanted edges are hidden more often than not: what they alone tell stays open.
-    const bool trust_ends = edges.empty() || std::abs(edges[0].unit.z()) < 0.05;
+    const bool slanted = !edges.empty() && std::abs(edges[0].unit.z()) >= 0.05;
     Normal fixed(n);
     AddTargets(o, edges, circles, fixed, trust_ends);
     if (!trust_ends) covariance = Covariance(fixed.ata, defs);
@@ -318,7 +348,7 @@ class Seeder {
           std::sqrt(covariance(kPlacementSize + int(i), kPlacementSize + int(i))) < 0.2 * PriorSigma(defs[i]);
     }
     h.open_direction = OpenDirections(fixed.ata, h.determined);
-    if (!trust_ends || std::all_of(h.determined.begin(), h.determined.end(), [](bool d) { return d; })) {
+    if (slanted || std::all_of(h.determined.begin(), h.determined.end(), [](bool d) { return d; })) {
       Store(std::move(h));
       return;
     }
@@ -342,7 +372,7 @@ class Seeder {
     h.second_line = second_line_;
     if (!Allowed(h.object)) return;
     for (const auto& other : seeds_)
-      if (SamePlace(other.object, h.object)) return;
+      if (other.determined == h.determined && SamePlace(other.object, h.object)) return;
     seeds_.push_back(std::move(h));
   }
 
@@ -587,10 +617,10 @@ class Seeder {
         PlacedObject o = h.object;
         Move(o, h.open_direction, d, UsualValue(o, others, d));
         if (!Allowed(o)) continue;
-        const double score =
-            Weigh(PlaceSolid(o, false), h.views, context_.scene,
-                  {.prior_log_odds = PriorLogOdds(o, context_.mm_per_px)}, context_.others, context_.claims)
-                .Score();
+        const double score = Weigh(PlaceSolid(o, false), h.views, context_.scene,
+                                   {.grey = true, .prior_log_odds = PriorLogOdds(o, context_.mm_per_px)},
+                                   context_.others, context_.claims)
+                                 .Score();
         if (score <= best) continue;
         best = score;
         which = int(d);
@@ -782,7 +812,7 @@ void RefineAndWeigh(Hypothesis& h, const SeedContext& context) {
   std::vector<bool> free(std::size_t(h.object.StateSize()), true);
   free[2] = free[4] = free[5] = false;
   auto weigh = [&](const PlacedObject& object) {
-    const WeighOptions options{.prior_log_odds = PriorLogOdds(object, context.mm_per_px)};
+    const WeighOptions options{.grey = true, .prior_log_odds = PriorLogOdds(object, context.mm_per_px)};
     return Weigh(PlaceSolid(object, false), h.views, context.scene, options, context.others, context.claims)
         .Score();
   };

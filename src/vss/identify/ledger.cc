@@ -29,7 +29,7 @@ Eigen::AlignedBox2d ScreenOf(const WorldSolid& solid, const View& view) {
   return box;
 }
 
-// Contours of different candidates that lie on one line.
+// Contours that lie on one line.
 class Groups {
  public:
   explicit Groups(std::size_t size) : parent_(size) {
@@ -161,7 +161,7 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
         if (!mine[i] || m.line < 0 || m.lost != 0 || taken(i)) continue;
         const std::size_t contour = first_contour[n] + std::size_t(m.contour);
         const auto [it, is_new] = first_on_line.try_emplace(line_of(m), contour);
-        if (!is_new && (it->second < first_contour[n])) groups.Join(it->second, contour);
+        if (!is_new) groups.Join(it->second, contour);
       }
       for (const auto& said :
            VoteOf(
@@ -185,20 +185,22 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
     out[n].log_odds = c.prior;
     out[n].elevated_log_odds = kElevatedPrior * c.prior - c.painted;
   }
-  std::size_t n = 0;
-  std::vector<std::size_t> owner_of(first_contour.back());
-  for (n = 0; n < set.size(); ++n)
-    for (std::size_t k = first_contour[n]; k < first_contour[n + 1]; ++k) owner_of[k] = n;
+  std::vector<double> sums(first_contour.back());
   for (const Vote& vote : votes) {
     if (vote.said.open_px <= 0) continue;
-    const std::size_t root = groups.Root(vote.contour), who = owner_of[vote.contour];
+    const std::size_t root = groups.Root(vote.contour);
     const double all_px = open_px[(std::int64_t(root) << 20) + vote.view];
     const double pieces = IndependentPieces(all_px) * vote.said.open_px / all_px;
-    const double log_odds =
+    sums[vote.contour] +=
         (vote.said.ends + pieces * vote.said.per_piece) / std::sqrt(double(num_views[root]));
-    out[who].log_odds += log_odds;
-    const auto& contours = candidates_[std::size_t(set[who])].measured.contours;
-    if (contours[vote.contour - first_contour[who]].elevated) out[who].elevated_log_odds += log_odds;
+  }
+  for (std::size_t n = 0; n < set.size(); ++n) {
+    const auto& contours = candidates_[std::size_t(set[n])].measured.contours;
+    for (std::size_t k = 0; k < contours.size(); ++k) {
+      const double log_odds = sums[first_contour[n] + k];
+      out[n].log_odds += log_odds;
+      if (contours[k].elevated) out[n].elevated_log_odds += log_odds;
+    }
   }
   return out;
 }

@@ -311,7 +311,7 @@ class SceneSolver {
 
   // Of all seeds of a kind from one edge of the world, the few that fit best.
   std::vector<Hypothesis> Promising(std::vector<Hypothesis> seeds, const SeedContext& context) const {
-    constexpr int kPerLine = 4;
+    constexpr int kPerLine = 6;
     std::vector<double> scores(seeds.size());
     ParallelFor(seeds.size(), threads_, [&](std::size_t i) { scores[i] = RoughScore(seeds[i], context); });
     std::vector<std::size_t> order(seeds.size());

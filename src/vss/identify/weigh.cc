@@ -29,6 +29,8 @@ constexpr std::array<double, 7> kStepBounds{0.7, 1, 1.5, 2.2, 3.5, 6, 12};
 constexpr std::array<double, 8> kStepStrong{-4.2, -3.7, -3.4, -2.8, -2.1, -1.5, -0.8, 0.7};
 constexpr std::array<double, 8> kStepWeak{-3.1, -2.6, -2.1, -1.8,
                                           -0.9, -0.4, -0.3, 0.3};  // hollow, or in contact
+// A piece where the grey values show no more of a step than anywhere.
+constexpr double kEmptyStep = 1.5;
 // The pieces of contour that were measured there.
 constexpr double kPiecePx = 8;
 // And shadows run there beside whatever stands above.
@@ -373,8 +375,12 @@ double PriorLogOdds(const PlacedObject& object, double mm_per_px) {
                        10;  // a pixel: what is hardly higher than a pixel may be paint, a shadow or a cable
   constexpr double kBarPx = 10, kBar = 20;  // a pixel: a bar as thin as that both ways may be a cable
   double prior = object.resting_pose > 0 ? -kOtherPose : 0;
-  for (double d : object.dimensions_mm)
-    prior -= kPerDimension + kUnseenDimension * std::clamp(2 - std::abs(d) / mm_per_px, 0.0, 1.0);
+  const auto defs = object.model->dimensions();
+  for (std::size_t i = 0; i < defs.size(); ++i) {
+    const bool is_size = defs[i].min_mm >= 0;  // else a place, which may well be 0
+    const double px = object.dimensions_mm[i] / mm_per_px;
+    prior -= kPerDimension + (is_size ? kUnseenDimension * std::clamp(2 - px, 0.0, 1.0) : 0);
+  }
   const Solid solid = object.model->InstantiateUnchecked(object.dimensions_mm);
   const Eigen::Matrix3d& rested_from_part =
       object.model->resting_poses()[static_cast<std::size_t>(object.resting_pose)].rested_from_part;
@@ -436,7 +442,8 @@ struct Tally {
   int stepped = 0;                           // without a line, but the grey values were asked
   double px = 0, chance = 0, squared = 0;
   double steps = 0;  // log-odds of what the grey values say there
-  double ends = 0;   // log-odds of where the lines end
+  double empty_px = 0;
+  double ends = 0;  // log-odds of where the lines end
   double Share() const { return open > 0 ? double(supported) / open : 0; }
 };
 
@@ -509,9 +516,11 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
         const auto response =
             RespondToEdge(picture, s.img, s.ideal_tangent, std::min(kPiecePx, s.step_px), scene.tolerance_px);
         m.asked = response.has_value();
-        if (response)
-          m.step = StepLogOdds(std::abs(response->step) / scene.typical_step[std::size_t(v)],
-                               IsWeak(solid, s, lowest_z));
+        if (response) {
+          const double strength = std::abs(response->step) / scene.typical_step[std::size_t(v)];
+          m.step = StepLogOdds(strength, IsWeak(solid, s, lowest_z));
+          m.empty = strength < kEmptyStep;
+        }
       }
       in_view.samples.push_back(m);
     }
@@ -543,6 +552,7 @@ ContourVote VoteOf(const MeasuredContours& measured, const MeasuredContours::InV
     if (m.asked) {
       ++t.stepped;
       t.steps += m.step;
+      t.empty_px += m.empty ? m.step_px : 0;
     }
     if (m.line < 0 || m.lost != 0) continue;
     ++t.supported;
@@ -558,6 +568,8 @@ ContourVote VoteOf(const MeasuredContours& measured, const MeasuredContours::InV
       const double share = t.Share();
       c.open_px = t.px * t.open / t.visible;
       c.supported_px = share * c.open_px;
+      c.empty_px = t.empty_px;
+      c.squared = t.squared / std::max(1, t.supported) * c.supported_px;
       const double chance =
           std::max(t.chance / t.visible, contour.detect == kDetectContact ? kChanceContact : 0.0);
       // Of two crowded contours the one that was found was the stronger.
@@ -610,6 +622,8 @@ Evidence WeighContours(const WorldSolid& solid, std::span<const int> views, cons
       e.visible_px += c.visible_px;
       if (c.open_px <= 0) continue;
       e.supported_px += c.supported_px;
+      e.empty_px += c.empty_px;
+      e.rms_px += c.squared;
       e.log_odds += c.ends + IndependentPieces(c.open_px) * c.per_piece;
       ++votes[std::size_t(c.contour)];
     }
@@ -621,6 +635,7 @@ Evidence WeighContours(const WorldSolid& solid, std::span<const int> views, cons
     e.source = measured.contours[k].source;
     e.index = measured.contours[k].index;
     // Pictures of one edge fail together (its contrast is what it is): n pictures count as sqrt(n).
+    e.rms_px = e.supported_px > 0 ? std::sqrt(e.rms_px / e.supported_px) : 0;
     e.log_odds = votes[k] > 0 ? e.log_odds / std::sqrt(double(e.views)) : 0;
     out.log_odds += e.log_odds;
     if (measured.contours[k].elevated) out.elevated_log_odds += e.log_odds;

@@ -50,8 +50,9 @@ using Claims = std::vector<std::vector<bool>>;
 struct EdgeEvidence {
   ContourSample::Source source = ContourSample::Source::kEdge;
   int index = 0;
-  int views = 0;  // that should see it
-  double visible_px = 0, supported_px = 0;
+  int views = 0;                                          // that should see it
+  double visible_px = 0, supported_px = 0, empty_px = 0;  // empty: not even the grey values show a step
+  double rms_px = 0;                                      // distance of what supports it
   double log_odds = 0;
 };
 
@@ -87,9 +88,9 @@ struct MeasuredContours {
   };
   struct Sample {
     int contour = 0;
-    int line = -1;  // of the picture's line index; -1: none
-    int lost = 0;   // the line is a nearer contour's: 1 unresolvable, 2 missed
-    bool asked = false;
+    int line = -1;                      // of the picture's line index; -1: none
+    int lost = 0;                       // the line is a nearer contour's: 1 unresolvable, 2 missed
+    bool asked = false, empty = false;  // the grey values; they show no step
     Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
     double step_px = 0, chance = 0, distance_px = 0, along_px = 0;
     double ends = 0, step = 0;  // log-odds of where the line ends, of the grey values where there is no line
@@ -114,7 +115,8 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
 struct ContourVote {
   struct Contour {
     int contour = 0;
-    double visible_px = 0, open_px = 0, supported_px = 0;
+    double visible_px = 0, open_px = 0, supported_px = 0, empty_px = 0;
+    double squared = 0;    // px^2, sum over the supported px
     double per_piece = 0;  // log-odds of an independent piece, in the mean
     double ends = 0;
   };
