@@ -12,6 +12,7 @@ namespace {
 
 constexpr int kMaxDepth = 100;  // of an expression: deeper is a mistake or an attack
 constexpr std::size_t kMaxExpressions = 20000;
+constexpr std::size_t kMaxWith = 16;     // features in features
 constexpr std::size_t kMaxItems = 1000;  // of one sort in an object
 
 constexpr std::string_view kWords[] = {
@@ -89,8 +90,73 @@ class Parser {
     if (Is("extrude")) return ParseExtrude();
     if (Accept("rests")) return ParseRest();
     if (Accept("stands")) return ParseStands();
-    return Fail("dimension, let, require, extrude, rests, stands or '}'",
-                "each item of an object begins with one of these words");
+    if (Is("sizes")) return ParseSizes();
+    if (Accept("optional")) return ParseFeature(-1);
+    for (const auto& [word, force] : {std::pair{"expects", 0}, {"prefers", 1}, {"avoids", 2}})
+      if (Is(word)) return ParseRelation(force);
+    if (Accept("either")) return ParseEither();
+    return Fail(
+        "dimension, let, require, extrude, rests, stands, sizes, optional, either, expects, prefers, avoids "
+        "or '}'",
+        "each item of an object begins with one of these words");
+  }
+
+  Status ParseEither() {
+    const std::string form = "a choice reads: either straight { ... } or tapered { dimension slope: ... }";
+    const int choice = num_choices_++;
+    VSS_RETURN_IF_ERROR(ParseFeature(choice));
+    if (!Is("or")) return Fail("'or'", form);
+    while (Accept("or")) VSS_RETURN_IF_ERROR(ParseFeature(choice));
+    return {};
+  }
+
+  // What belongs to a feature: its dimensions, definitions, constraints and catalogues.
+  Status ParseFeature(int choice) {
+    VSS_RETURN_IF_ERROR(CheckCount(out_.features, "features"));
+    FeatureSyntax feature;
+    VSS_ASSIGN(feature.name, ParseName("the feature's name"));
+    feature.title = ParseText();
+    feature.choice = choice;
+    VSS_RETURN_IF_ERROR(
+        Expect("{", "a feature reads: optional hole \"a round hole\" { dimension hole_diameter: ... }"));
+    when_.push_back({feature.name, true});
+    while (!Accept("}")) VSS_RETURN_IF_ERROR(ParseFeatureItem());
+    when_.pop_back();
+    out_.features.push_back(std::move(feature));
+    return {};
+  }
+
+  Status ParseFeatureItem() {
+    if (Accept("dimension")) return ParseDimension();
+    if (Accept("let")) return ParseLet();
+    if (Is("require")) return ParseRequire();
+    if (Is("sizes")) return ParseSizes();
+    return Fail(
+        "dimension, let, require, sizes or '}'",
+        "a feature holds these; its corners and cutouts stand in the cross section: with NAME { ... }");
+  }
+
+  // with NAME { items } [ else { items } ], `item` reading one of them.
+  template <class Item>
+  Status ParseWith(const Item& item) {
+    const std::string form = "what a feature brings reads: with hole { ... } else { ... }";
+    if (when_.size() >= kMaxWith)
+      return Fail("no further with", fmt::format("{} in each other are the most", kMaxWith));
+    VSS_RETURN_IF_ERROR(CheckCount(out_.mentions, "features' places"));
+    Presence presence;
+    VSS_ASSIGN(presence.feature, ParseName("a feature's name"));
+    out_.mentions.push_back(presence);
+    VSS_RETURN_IF_ERROR(Expect("{", form));
+    when_.push_back(presence);
+    while (!Accept("}")) VSS_RETURN_IF_ERROR(item());
+    if (Is("else") && Next().text == "{") {
+      Take();
+      Take();
+      when_.back().present = false;
+      while (!Accept("}")) VSS_RETURN_IF_ERROR(item());
+    }
+    when_.pop_back();
+    return {};
   }
 
   Status ParseDimension() {
@@ -109,6 +175,7 @@ class Parser {
       } while (Accept("or"));
     }
     d.help = ParseText();
+    d.when = when_;
     out_.dimensions.push_back(std::move(d));
     return {};
   }
@@ -119,14 +186,26 @@ class Parser {
     VSS_ASSIGN(l.name, ParseName("the name that is defined"));
     VSS_RETURN_IF_ERROR(Expect("=", "a definition reads: let NAME = EXPRESSION"));
     VSS_ASSIGN(l.value, ParseSum());
+    l.when = when_;
     out_.lets.push_back(std::move(l));
     return {};
   }
 
   Status ParseRequire() {
     VSS_RETURN_IF_ERROR(CheckCount(out_.requires_, "constraints"));
+    const SourcePosition at = Take().at;
+    VSS_ASSIGN(RequireSyntax r,
+               ParseComparison("a constraint compares two expressions: require width <= length"));
+    r.at = at;
+    r.reason = ParseText();
+    r.when = when_;
+    out_.requires_.push_back(std::move(r));
+    return {};
+  }
+
+  Result<RequireSyntax> ParseComparison(const std::string& form) {
     RequireSyntax r;
-    r.at = Take().at;
+    r.at = Here().at;
     VSS_ASSIGN(r.left, ParseSum());
     if (Accept("<=") || Accept("<"))
       r.relation = Relation::kLessEqual;
@@ -135,10 +214,37 @@ class Parser {
     else if (Accept("=="))
       r.relation = Relation::kEqual;
     else
-      return Fail("<=, >= or ==", "a constraint compares two expressions: require width <= length");
+      return Fail("<=, >= or ==", form);
     VSS_ASSIGN(r.right, ParseSum());
-    r.reason = ParseText();
-    out_.requires_.push_back(std::move(r));
+    return r;
+  }
+
+  Status ParseSizes() {
+    VSS_RETURN_IF_ERROR(CheckCount(out_.sizes, "catalogues"));
+    const std::string form =
+        "a catalogue reads: sizes \"plates.sizes\" with thickness = height if height <= width/5";
+    SizesSyntax sizes;
+    sizes.at = Take().at;
+    if (Here().kind != TokenKind::kText) return Fail("the catalogue's file in quotes", form);
+    sizes.file = Take().text;
+    if (!sizes.file.ends_with(".sizes"))
+      return ErrorAt(out_.file, sizes.at,
+                     fmt::format("the file \"{}\" does not end in .sizes; {}", sizes.file, form));
+    if (Accept("with")) {
+      do {
+        VSS_RETURN_IF_ERROR(CheckCount(sizes.columns, "columns"));
+        Named column, dimension;
+        VSS_ASSIGN(column, ParseName("a column of the catalogue"));
+        VSS_RETURN_IF_ERROR(Expect("=", form));
+        VSS_ASSIGN(dimension, ParseName("a dimension"));
+        sizes.columns.emplace_back(std::move(column), std::move(dimension));
+      } while (Accept(","));
+    }
+    if (Accept("if")) {
+      VSS_ASSIGN(sizes.condition, ParseComparison(form));
+    }
+    sizes.when = when_;
+    out_.sizes.push_back(std::move(sizes));
     return {};
   }
 
@@ -169,6 +275,7 @@ class Parser {
     if (Is("outline") || Is("cutout")) return ParseLoop(e);
     if (Accept("weak")) return ParseWeights(e, kWeak);
     if (Accept("strong")) return ParseWeights(e, kStrong);
+    if (Accept("with")) return ParseWith([&] { return ParseProfileItem(e); });
     if (Is("weight")) {
       Take();
       if (Here().kind != TokenKind::kNumber || Here().number > kMaxWeight)
@@ -176,13 +283,14 @@ class Parser {
                     "a weight reads: weight 0.5 a, b-c at to");
       return ParseWeights(e, Take().number);
     }
-    return Fail("outline, cutout, weak, strong, weight or '}'", "a cross section is made of these");
+    return Fail("outline, cutout, weak, strong, weight, with or '}'", "a cross section is made of these");
   }
 
   Status ParseLoop(ExtrudeSyntax& e) {
     LoopSyntax loop;
     loop.at = Here().at;
     loop.is_outline = Take().text == "outline";
+    loop.when = when_;
     if (Accept("circle")) {
       loop.is_circle = true;
       VSS_RETURN_IF_ERROR(ParseCircle(loop));
@@ -210,12 +318,17 @@ class Parser {
 
   Status ParseCorner(LoopSyntax& loop) {
     VSS_RETURN_IF_ERROR(CheckCount(loop.corners, "corners"));
+    if (Is("with") && Next().kind == TokenKind::kName) {
+      Take();
+      return ParseWith([&] { return ParseCorner(loop); });
+    }
     CornerSyntax corner;
     VSS_ASSIGN(corner.name, ParseName("a corner's name or '}'"));
     VSS_RETURN_IF_ERROR(ParsePoint(corner.u, corner.v));
     if (Accept("round")) {
       VSS_ASSIGN(corner.round, ParseSum());
     }
+    corner.when = when_;
     loop.corners.push_back(std::move(corner));
     return {};
   }
@@ -232,6 +345,7 @@ class Parser {
   Status ParseWeights(ExtrudeSyntax& e, double weight) {
     WeightSyntax w;
     w.weight = weight;
+    w.when = when_;
     do {
       VSS_RETURN_IF_ERROR(CheckCount(w.edges, "edges"));
       EdgeSyntax edge;
@@ -282,6 +396,52 @@ class Parser {
       VSS_ASSIGN(Named support, ParseName("ground or the name of an object"));
       out_.stands_on.push_back(std::move(support));
     } while (Accept(","));
+    return {};
+  }
+
+  // In the order of ObjectRelation::Kind.
+  static constexpr std::string_view kPredicates[] = {"touching", "near", "parallel", "perpendicular",
+                                                     "between"};
+
+  Status ParseRelation(int force) {
+    VSS_RETURN_IF_ERROR(CheckCount(out_.relations, "relations"));
+    const std::string form =
+        "a relation reads: prefers touching tee or box weight 2, or near, parallel to, perpendicular to, "
+        "between ... and";
+    RelationSyntax r;
+    r.force = force;
+    r.at = Take().at;
+    r.kind = -1;
+    for (int k = 0; k < 5 && r.kind < 0; ++k)
+      if (Accept(kPredicates[k])) r.kind = k;
+    if (r.kind < 0) return Fail("touching, near, parallel, perpendicular or between", form);
+    if (kPredicates[r.kind].starts_with("p")) VSS_RETURN_IF_ERROR(Expect("to", form));
+    VSS_RETURN_IF_ERROR(ParseKinds(r.kinds));
+    if (kPredicates[r.kind] == "between") {
+      VSS_RETURN_IF_ERROR(Expect("and", form));
+      VSS_RETURN_IF_ERROR(ParseKinds(r.others));
+    }
+    if (Accept("within")) {
+      VSS_ASSIGN(r.within, ParseSum());
+    } else if (kPredicates[r.kind] == "near") {
+      return Fail("within", "say how near: near box within 200 mm");
+    }
+    if (Accept("weight")) {
+      if (Here().kind != TokenKind::kNumber || Here().number > kMaxWeight)
+        return Fail(fmt::format("a number from 0 to {}", kMaxWeight), form);
+      r.weight = Take().number;
+    }
+    r.reason = ParseText();
+    out_.relations.push_back(std::move(r));
+    return {};
+  }
+
+  Status ParseKinds(std::vector<Named>& kinds) {
+    do {
+      VSS_RETURN_IF_ERROR(CheckCount(kinds, "objects"));
+      VSS_ASSIGN(Named kind, ParseName("the name of an object"));
+      kinds.push_back(std::move(kind));
+    } while (Accept("or"));
     return {};
   }
 
@@ -402,6 +562,8 @@ class Parser {
   std::vector<Token> tokens_;
   std::size_t i_ = 0;
   int nesting_ = 0;
+  int num_choices_ = 0;
+  When when_;  // where the item that is read stands
   Syntax out_;
 };
 
