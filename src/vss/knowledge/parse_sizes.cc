@@ -1,17 +1,17 @@
 #include <algorithm>
 #include <map>
 
-#include "vss/knowledge/lexer.h"
 #include "vss/knowledge/size_table.h"
+#include "vss/knowledge/token_cursor.h"
 
 namespace vss {
 namespace {
 
 constexpr std::size_t kMaxColumns = 16, kMaxEntries = 10000, kMaxSteps = 100;
 
-class SizesParser {
+class SizesParser : public TokenCursor {
  public:
-  SizesParser(std::vector<Token> tokens, const std::string& file) : tokens_(std::move(tokens)) {
+  SizesParser(std::vector<Token> tokens, const std::string& file) : TokenCursor(std::move(tokens), file) {
     out_.file = file;
   }
 
@@ -38,24 +38,6 @@ class SizesParser {
   }
 
  private:
-  const Token& Here() const { return tokens_[i_]; }
-  Token Take() { return i_ + 1 < tokens_.size() ? tokens_[i_++] : tokens_[i_]; }
-  bool Is(std::string_view text) const {
-    return (Here().kind == TokenKind::kName || Here().kind == TokenKind::kSymbol) && Here().text == text;
-  }
-  bool Accept(std::string_view text) {
-    if (!Is(text)) return false;
-    Take();
-    return true;
-  }
-  tl::unexpected<Error> Fail(const std::string& expected, const std::string& remedy) const {
-    return ErrorAt(out_.file, Here().at,
-                   fmt::format("expected {}, found {}; {}", expected, Describe(Here()), remedy));
-  }
-  Status Expect(std::string_view text, const std::string& remedy) {
-    if (!Accept(text)) return Fail(fmt::format("'{}'", text), remedy);
-    return {};
-  }
   Result<std::string> ParseName(const std::string& what) {
     if (Here().kind != TokenKind::kName) return Fail(what, "a name begins with a letter");
     return Take().text;
@@ -71,10 +53,9 @@ class SizesParser {
     while (Here().kind == TokenKind::kName && !Is("tolerance") && !Is("size")) {
       const Token name = Take();
       if (std::find(out_.columns.begin(), out_.columns.end(), name.text) != out_.columns.end())
-        return ErrorAt(out_.file, name.at,
-                       fmt::format("the column '{}' is already there; leave one out", name.text));
+        return Fail(name.at, fmt::format("the column '{}' is already there; leave one out", name.text));
       if (out_.columns.size() == kMaxColumns)
-        return ErrorAt(out_.file, name.at, fmt::format("more than {} columns; leave some out", kMaxColumns));
+        return Fail(name.at, fmt::format("more than {} columns; leave some out", kMaxColumns));
       out_.columns.push_back(name.text);
     }
     if (out_.columns.empty()) return Fail("a column's name", form);
@@ -90,12 +71,10 @@ class SizesParser {
       VSS_ASSIGN(const std::string name, ParseName("a column's name"));
       const auto found = std::find(out_.columns.begin(), out_.columns.end(), name);
       if (found == out_.columns.end())
-        return ErrorAt(out_.file, at,
-                       fmt::format("there is no column '{}'; name one of those after 'columns'", name));
+        return Fail(at, fmt::format("there is no column '{}'; name one of those after 'columns'", name));
       columns.push_back(static_cast<std::size_t>(found - out_.columns.begin()));
       if (!out_.tolerances[columns.back()].empty())
-        return ErrorAt(out_.file, at,
-                       fmt::format("the column '{}' has its tolerance already; leave one out", name));
+        return Fail(at, fmt::format("the column '{}' has its tolerance already; leave one out", name));
     } while (Accept(","));
     VSS_RETURN_IF_ERROR(Expect(":", form));
     std::vector<ToleranceStep> steps;
@@ -132,7 +111,7 @@ class SizesParser {
       VSS_RETURN_IF_ERROR(Expect("mm", form));
       step.including = up_to;
       if (!steps.empty() && !(step.up_to_mm > steps.back().up_to_mm))
-        return ErrorAt(out_.file, at, "the steps must grow; put the smaller sizes first");
+        return Fail(at, "the steps must grow; put the smaller sizes first");
     }
     steps.push_back(step);
     return {};
@@ -146,21 +125,20 @@ class SizesParser {
     SizeTable::Entry entry;
     entry.designation = Take().text;
     if (entry.designation.empty())
-      return ErrorAt(out_.file, at, "this size has no designation; write one between the quotes");
+      return Fail(at, "this size has no designation; write one between the quotes");
     const auto [first, fresh] = lines_.emplace(entry.designation, at.line);
     if (!fresh)
-      return ErrorAt(out_.file, at,
-                     fmt::format("the size \"{}\" stands already in line {}; leave one out",
-                                 entry.designation, first->second));
+      return Fail(at, fmt::format("the size \"{}\" stands already in line {}; leave one out",
+                                  entry.designation, first->second));
     for (const std::string& column : out_.columns) {
       const SourcePosition number_at = Here().at;
       VSS_ASSIGN(const double mm, ParseNumber(fmt::format("the column '{}' is missing; {}", column, form)));
-      if (!(mm > 0)) return ErrorAt(out_.file, number_at, "a size must be above 0; write it in mm");
+      if (!(mm > 0)) return Fail(number_at, "a size must be above 0; write it in mm");
       entry.nominal_mm.push_back(mm);
     }
     if (Here().kind == TokenKind::kNumber) return Fail("the next size", form);
     if (out_.entries.size() == kMaxEntries)
-      return ErrorAt(out_.file, at, fmt::format("more than {} sizes; split the catalogue", kMaxEntries));
+      return Fail(at, fmt::format("more than {} sizes; split the catalogue", kMaxEntries));
     out_.entries.push_back(std::move(entry));
     return {};
   }
@@ -168,16 +146,13 @@ class SizesParser {
   Result<SizeTable> Checked(SourcePosition begin) {
     for (std::size_t c = 0; c < out_.columns.size(); ++c)
       if (out_.tolerances[c].empty())
-        return ErrorAt(
-            out_.file, begin,
-            fmt::format("the column '{0}' has no tolerance; write: tolerance {0}: 1 mm", out_.columns[c]));
+        return Fail(begin, fmt::format("the column '{0}' has no tolerance; write: tolerance {0}: 1 mm",
+                                       out_.columns[c]));
     if (out_.entries.empty())
-      return ErrorAt(out_.file, begin, "this catalogue has no size; write: size \"NAME\" and its numbers");
+      return Fail(begin, "this catalogue has no size; write: size \"NAME\" and its numbers");
     return std::move(out_);
   }
 
-  std::vector<Token> tokens_;
-  std::size_t i_ = 0;
   std::map<std::string, int> lines_;  // of the designations
   SizeTable out_;
 };
