@@ -180,6 +180,7 @@ Result<StationPart> PartFromJson(const Json& json, const std::vector<std::string
 PlacedObject PlacedObjectOf(const Part& part, const KnowledgeBase& knowledge) {
   PlacedObject object;
   const ObjectModel* model = knowledge.Find(part.kind, part.features);
+  if (model == nullptr) model = knowledge.Find(part.kind);
   if (model == nullptr) return object;
   object.model = model;
   std::vector<std::optional<double>> known;

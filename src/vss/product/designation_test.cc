@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include "vss/product/make_part.h"
+
 namespace vss {
 namespace {
 
@@ -104,6 +106,17 @@ TEST(Designate, KeepsTheEdgesThatWereMeasuredWhereTheyAre) {
   Designate(seen);
   EXPECT_EQ(seen.object.dimensions_mm[1], 180);
   EXPECT_EQ(seen.dimensions[1].origin, "kept as identified");
+}
+
+TEST(SetGeometry, ForgetsTheSizeThatOtherDimensionsTold) {
+  Part part;
+  part.designation = "IPE 200";
+  part.designation_candidates = {"IPE 200"};
+  SetGeometry(Reconstructed("box", {900, 200, 20}, {true, true, true}).object, part);
+  EXPECT_EQ(part.kind, "box");
+  EXPECT_EQ(part.designation, "");
+  EXPECT_TRUE(part.designation_candidates.empty());
+  EXPECT_FALSE(part.has_features);
 }
 
 }  // namespace

@@ -85,7 +85,12 @@ void SetGeometry(const PlacedObject& object, Part& part) {
   for (std::size_t i = 0; i < object.dimensions_mm.size(); ++i) {
     part.dimensions[i].name = object.model->dimensions()[i].name;
     part.dimensions[i].value_mm = object.dimensions_mm[i];
+    part.dimensions[i].nominal_mm.reset();
   }
+  // Of the size that other dimensions told.
+  part.designation.clear();
+  part.standard.clear();
+  part.designation_candidates.clear();
   part.vertices.clear();
   for (const auto& v : solid.vertices) part.vertices.push_back(v.point);
   part.edges.clear();
@@ -147,6 +152,7 @@ Product MakeProduct(const SceneResult& scene, const Reconstruction& reconstructi
 
 std::optional<WorldSolid> SolidOfPart(const Part& part, const KnowledgeBase& knowledge) {
   const ObjectModel* model = knowledge.Find(part.kind, part.features);
+  if (model == nullptr) model = knowledge.Find(part.kind);
   if (model == nullptr) return std::nullopt;
   const std::vector<double> dimensions_mm = DimensionsOf(part, *model);
   if (dimensions_mm.size() != model->dimensions().size()) return std::nullopt;
