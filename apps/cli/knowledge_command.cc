@@ -5,10 +5,12 @@
 
 #include "command.h"
 #include "shipped_knowledge.h"
+#include "shipped_sizes.h"
 #include "vss/base/files.h"
 #include "vss/knowledge/check.h"
 #include "vss/knowledge/drawing.h"
 #include "vss/knowledge/object_model.h"
+#include "vss/knowledge/size_table.h"
 
 namespace vss::cli {
 namespace {
@@ -19,7 +21,7 @@ struct Source {
 
 // A file, or the text of a shipped object.
 Result<Source> ReadSource(const std::string& name) {
-  if (name.ends_with(".kb")) {
+  if (name.ends_with(".kb") || name.ends_with(".sizes")) {
     VSS_ASSIGN(std::string text, ReadTextFile(name));
     return Source{std::move(text), name};
   }
@@ -29,13 +31,20 @@ Result<Source> ReadSource(const std::string& name) {
       "'{}' is neither a file that ends in .kb nor a shipped object; vss knowledge list names those", name);
 }
 
+// A catalogue is sound where it can be read.
+std::vector<KnowledgeFinding> CheckSource(const Source& source) {
+  if (!source.file.ends_with(".sizes")) return CheckKnowledge(source.text, source.file);
+  if (const auto table = ParseSizes(source.text, source.file); !table) return {{true, table.error().message}};
+  return {};
+}
+
 Status Check(const std::vector<std::string>& names, bool json) {
   int errors = 0, warnings = 0;
   std::string first;
   nlohmann::json list = nlohmann::json::array();
   for (const std::string& name : names) {
     VSS_ASSIGN(const Source source, ReadSource(name));
-    const auto findings = CheckKnowledge(source.text, source.file);
+    const auto findings = CheckSource(source);
     for (const KnowledgeFinding& f : findings) {
       (f.is_error ? errors : warnings) += 1;
       if (f.is_error && first.empty()) first = f.message;
@@ -57,6 +66,8 @@ Status Check(const std::vector<std::string>& names, bool json) {
 
 Status Show(const std::string& name, std::string out) {
   VSS_ASSIGN(const Source source, ReadSource(name));
+  if (name.ends_with(".sizes"))
+    return InputError("{}: a catalogue of sizes has nothing to draw; name a file that ends in .kb", name);
   VSS_ASSIGN(const std::string svg, DrawKnowledge(source.text, source.file));
   if (out == "-") {
     std::fwrite(svg.data(), 1, svg.size(), stdout);
@@ -82,12 +93,21 @@ Status List(bool json) {
     std::string names;
     for (const DimensionDef& d : object->dimensions()) names += (names.empty() ? "" : ", ") + d.name;
     if (json)
-      list.push_back(
-          {{"kind", object->kind()}, {"title", object->title()}, {"dimensions", DimensionsJson(*object)}});
+      list.push_back({{"kind", object->kind()},
+                      {"title", object->title()},
+                      {"features", FeaturesOf(*object)},
+                      {"dimensions", DimensionsJson(*object)}});
     else
       std::printf("%-12s %s: %s\n", object->kind().c_str(), object->title().c_str(), names.c_str());
   }
-  if (json) std::printf("%s\n", list.dump(1).c_str());
+  if (json) {
+    std::printf("%s\n", list.dump(1).c_str());
+    return {};
+  }
+  for (const EmbeddedFile& file : shipped_sizes()) {
+    VSS_ASSIGN(const SizeTable table, ParseSizes(std::string(file.text), std::string(file.name)));
+    fmt::print("{}: {}, {} sizes\n", file.name, table.title, table.entries.size());
+  }
   return {};
 }
 
@@ -98,8 +118,10 @@ void Add(CLI::App& app, Common& common) {
   auto names = std::make_shared<std::vector<std::string>>();
   auto name = std::make_shared<std::string>(), out = std::make_shared<std::string>();
 
-  auto* check = knowledge->add_subcommand("check", "Is this object sound, all over its ranges?");
-  check->add_option("FILE", *names, "A file that ends in .kb, or the name of a shipped object")->required();
+  auto* check = knowledge->add_subcommand(
+      "check", "Is this object sound, all over its ranges? Or this catalogue of sizes?");
+  check->add_option("FILE", *names, "A file that ends in .kb or .sizes, or the name of a shipped object")
+      ->required();
   check->callback([names, &common] { Finish(Check(*names, common.json)); });
 
   auto* show = knowledge->add_subcommand("show", "Draws an object with its dimensions as SVG");

@@ -501,6 +501,8 @@ Part PartOfFit(const FitAnswer& answer, const FitQuestion& q) {
   const WorldSolid solid = PlaceSolid(object);
   const int n = int(object.dimensions_mm.size());
   part.kind = q.model->kind();
+  part.features = FeaturesOf(*q.model);
+  part.has_features = !q.model->features().empty();
   part.resting_pose = q.model->resting_poses()[std::size_t(object.resting_pose)].name;
   part.world_from_part = solid.world_from_part;
   part.yaw_rad = object.placement[3];

@@ -48,6 +48,7 @@ Json DimensionsToJson(const Part& part) {
   for (const auto& d : part.dimensions) {
     Json one = {{"value", d.value_mm}, {"sigma", d.sigma_mm}, {"observable", d.observable}};
     if (!d.origin.empty()) one["origin"] = d.origin;
+    if (d.nominal_mm) one["nominal"] = *d.nominal_mm;
     out[d.name] = std::move(one);
   }
   return out;
@@ -58,6 +59,7 @@ void ReadDimensions(const Json& json, Part& part) {
     const Json sigma = d.value("sigma", Json());
     DimensionValue value{name, d.at("value").get<double>(), sigma.is_number() ? sigma.get<double>() : NAN, d.value("observable", true), d.value("origin", "")};
     if (!std::isfinite(value.value_mm)) throw std::runtime_error("a dimension is not finite");
+    if (d.contains("nominal")) value.nominal_mm = d.at("nominal").get<double>();
     part.dimensions.push_back(std::move(value));
   }
 }
@@ -85,6 +87,11 @@ StationPart Parse(const Json& json, const std::vector<std::string>& files) {
   part.kind = json.at("kind");
   part.source = json.value("source", "automatic");
   part.resting_pose = json.value("resting_pose", "");
+  part.has_features = json.contains("features");
+  part.features = json.value("features", part.features);
+  part.designation = json.value("designation", "");
+  part.standard = json.value("standard", "");
+  part.designation_candidates = json.value("designation_candidates", part.designation_candidates);
   part.world_from_part = {Matrix(json.at("pose").at("rotation")), Vector(json.at("pose").at("position"))};
   part.yaw_rad = RadFromDeg(json.at("pose").value("yaw", 0.0));
   ReadDimensions(json.at("dimensions"), part);
@@ -128,6 +135,9 @@ Json PartToJson(const StationPart& station, const std::vector<std::string>& file
               {"confirmed", station.confirmed}, {"doubt", station.doubt}};
   out["pose"] = {{"position", JsonOf(part.world_from_part.translation)}, {"rotation", JsonOf(part.world_from_part.rotation)}, {"yaw", DegFromRad(part.yaw_rad)}};
   out["dimensions"] = DimensionsToJson(part);
+  if (part.has_features) out["features"] = part.features;
+  if (!part.designation.empty()) out["designation"] = part.designation, out["standard"] = part.standard;
+  if (!part.designation_candidates.empty()) out["designation_candidates"] = part.designation_candidates;
   for (const char* name : {"vertices", "vertex_sigma", "edges", "circles", "images"}) out[name] = Json::array();
   for (const auto& v : part.vertices) out["vertices"].push_back(JsonOf(v));
   for (const auto& v : part.vertex_sigma) out["vertex_sigma"].push_back(JsonOf(v));
@@ -169,7 +179,8 @@ Result<StationPart> PartFromJson(const Json& json, const std::vector<std::string
 
 PlacedObject PlacedObjectOf(const Part& part, const KnowledgeBase& knowledge) {
   PlacedObject object;
-  const ObjectModel* model = knowledge.Find(part.kind);
+  const ObjectModel* model = knowledge.Find(part.kind, part.features);
+  if (model == nullptr) model = knowledge.Find(part.kind);
   if (model == nullptr) return object;
   object.model = model;
   std::vector<std::optional<double>> known;

@@ -319,6 +319,7 @@ Result<Json> Routes::Scene() {
 Json Routes::Knowledge() const {
   Json list = Json::array();
   for (const auto& o : workspace_.knowledge().objects) {
+    if (workspace_.knowledge().Find(o->kind()) != o.get()) continue;  // another variant of one that is listed
     Json dimensions = Json::array(), poses = Json::array();
     const std::vector<std::optional<double>> nothing(o->dimensions().size());
     const auto usual = o->UsualDimensions(nothing);

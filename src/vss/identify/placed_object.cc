@@ -115,4 +115,14 @@ WorldSolid PlaceSolid(const PlacedObject& object, bool derivatives) {
   return out;
 }
 
+RelatedSolid RelatedOf(const PlacedObject& object) {
+  const WorldSolid solid = PlaceSolid(object, false);
+  RelatedSolid related;
+  related.kind = object.model->kind();
+  related.along = solid.world_from_part.rotation.col(0);
+  for (const auto& f : solid.faces)
+    related.triangles.insert(related.triangles.end(), f.triangles.begin(), f.triangles.end());
+  return related;
+}
+
 }  // namespace vss

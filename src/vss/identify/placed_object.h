@@ -6,6 +6,7 @@
 
 #include "vss/geometry/rigid_transform.h"
 #include "vss/knowledge/object_model.h"
+#include "vss/knowledge/relations.h"
 
 namespace vss {
 
@@ -50,5 +51,8 @@ struct WorldSolid {
 };
 // `derivatives` false leaves by_state empty (faster).
 WorldSolid PlaceSolid(const PlacedObject& object, bool derivatives = true);
+
+// The object as relations (knowledge/relations.h) ask about it.
+RelatedSolid RelatedOf(const PlacedObject& object);
 
 }  // namespace vss

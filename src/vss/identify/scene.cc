@@ -217,9 +217,7 @@ class SceneSolver {
     }
     std::vector<std::vector<Hypothesis>> by_template(templates_.size());
     ParallelFor(templates_.size(), threads_, [&](std::size_t i) {
-      // How a part lies less often is asked only of lines that nothing else explains.
-      if (!templates_[i].model->MayStandOn(on) || (templates_[i].resting_pose > 0 && known.claims.empty()))
-        return;
+      if (!templates_[i].model->MayStandOn(on)) return;
       by_template[i] = Seeds(templates_[i], context, z);
     });
     std::vector<std::pair<std::size_t, Hypothesis>> seeds;  // template, seed

@@ -152,9 +152,19 @@ class Checker {
 }  // namespace
 
 std::vector<KnowledgeFinding> CheckKnowledge(const std::string& text, const std::string& file) {
-  auto definition = Define(text, file);
-  if (!definition) return {{true, definition.error().message}};
-  return Checker(std::move(*definition)).Run();
+  auto variants = Define(text, file);
+  if (!variants) return {{true, variants.error().message}};
+  std::vector<KnowledgeFinding> findings;
+  std::set<std::string> said;  // what the first variant shows too is no matter of the others
+  for (Definition& definition : *variants) {
+    const std::string name = definition.variant;
+    for (KnowledgeFinding& f : Checker(std::move(definition)).Run()) {
+      if (!said.insert(f.message).second) continue;
+      f.message = InVariant(f.message, name);
+      findings.push_back(std::move(f));
+    }
+  }
+  return findings;
 }
 
 }  // namespace vss

@@ -6,6 +6,8 @@
 #include <map>
 #include <set>
 
+#include "vss/knowledge/expand.h"
+
 namespace vss {
 namespace {
 
@@ -63,6 +65,9 @@ class Compiler {
     out_.kind = in_.kind.name;
     out_.title = in_.title.empty() ? in_.kind.name : in_.title;
     out_.at = in_.kind.at;
+    out_.variant = VariantName(in_);
+    for (std::size_t f = 0; f < in_.features.size(); ++f)
+      out_.features.push_back({in_.features[f].name.name, in_.features[f].title, in_.present[f]});
     VSS_RETURN_IF_ERROR(DeclareNames());
     VSS_RETURN_IF_ERROR(Dimensions());
     VSS_RETURN_IF_ERROR(Lets());
@@ -71,6 +76,8 @@ class Compiler {
     VSS_RETURN_IF_ERROR(Extrude());
     VSS_RETURN_IF_ERROR(Rests());
     VSS_RETURN_IF_ERROR(Stands());
+    VSS_RETURN_IF_ERROR(Sizes());
+    VSS_RETURN_IF_ERROR(Relations());
     return std::move(out_);
   }
 
@@ -115,6 +122,12 @@ class Compiler {
     return list;
   }
 
+  std::vector<std::string> DimensionNames() const {
+    std::vector<std::string> list;
+    for (const auto& [name, index] : dimension_index_) list.push_back(name);
+    return list;
+  }
+
   // --- expressions ---
 
   int Append(Op op, int a, int b, double value) {
@@ -132,6 +145,13 @@ class Compiler {
       return Value{d->second, {1, false, false}};  // the program begins with the dimensions
     }
     const auto l = let_index_.find(e.name);
+    if (const auto absent = in_.absent_names.find(e.name);
+        l == let_index_.end() && absent != in_.absent_names.end())
+      return Fail(
+          e.at,
+          fmt::format("'{}' belongs to the feature '{}', which is not there in every variant; use it in "
+                      "that feature, or inside: with {} {{ ... }}",
+                      e.name, absent->second, absent->second));
     if (l == let_index_.end())
       return Fail(e.at,
                   fmt::format("the name '{}' is not known; {}", e.name, DidYouMean(e.name, KnownNames())));
@@ -304,17 +324,65 @@ class Compiler {
 
   Status Requires() {
     for (const RequireSyntax& r : in_.requires_) {
-      used_.clear();
-      VSS_ASSIGN(Value left, CompileExpression(r.left));
-      VSS_ASSIGN(Value right, CompileExpression(r.right));
-      if (!Same(left.unit, right.unit))
-        return Fail(r.at, fmt::format("this compares {} with {}; give the number its unit, such as 3 mm",
-                                      NameOf(left.unit), NameOf(right.unit)));
-      if (used_.empty())
-        return Fail(r.at, "this constraint has no dimension in it; name the dimension that it limits");
-      if (r.relation == Relation::kGreaterEqual) std::swap(left, right);
-      out_.constraints.push_back({left.place, right.place, r.relation == Relation::kEqual,
-                                  left.unit.any ? right.unit.length : left.unit.length, r.reason, r.at});
+      VSS_ASSIGN(Constraint constraint, Comparison(r));
+      out_.constraints.push_back(std::move(constraint));
+    }
+    return {};
+  }
+
+  Result<Constraint> Comparison(const RequireSyntax& r) {
+    used_.clear();
+    VSS_ASSIGN(Value left, CompileExpression(r.left));
+    VSS_ASSIGN(Value right, CompileExpression(r.right));
+    if (!Same(left.unit, right.unit))
+      return Fail(r.at, fmt::format("this compares {} with {}; give the number its unit, such as 3 mm",
+                                    NameOf(left.unit), NameOf(right.unit)));
+    if (used_.empty())
+      return Fail(r.at, "this constraint has no dimension in it; name the dimension that it limits");
+    if (r.relation == Relation::kGreaterEqual) std::swap(left, right);
+    return Constraint{left.place,
+                      right.place,
+                      r.relation == Relation::kEqual,
+                      left.unit.any ? right.unit.length : left.unit.length,
+                      r.reason,
+                      r.at};
+  }
+
+  Status Relations() {
+    for (const RelationSyntax& r : in_.relations) {
+      ObjectRelation relation;
+      relation.force = static_cast<ObjectRelation::Force>(r.force);
+      relation.kind = static_cast<ObjectRelation::Kind>(r.kind);
+      for (const Named& kind : r.kinds) relation.kinds.push_back(kind.name);
+      for (const Named& kind : r.others) relation.others.push_back(kind.name);
+      if (r.within >= 0) {
+        VSS_ASSIGN(relation.within_mm, Constant(r.within, {1, false, false}, "the distance"));
+        if (!(relation.within_mm >= 0))
+          return Fail(r.at, fmt::format("the distance is {:g} mm; write 0 mm or more", relation.within_mm));
+      }
+      relation.weight = r.weight;
+      relation.reason = r.reason;
+      out_.relations.push_back(std::move(relation));
+    }
+    return {};
+  }
+
+  Status Sizes() {
+    for (const SizesSyntax& s : in_.sizes) {
+      SizesUse use;
+      use.file = s.file;
+      use.at = s.at;
+      for (const auto& [column, dimension] : s.columns) {
+        const auto d = dimension_index_.find(dimension.name);
+        if (d == dimension_index_.end())
+          return Fail(dimension.at, fmt::format("'{}' is no dimension of this object; {}", dimension.name,
+                                                DidYouMean(dimension.name, DimensionNames())));
+        use.named.emplace_back(column.name, d->second);
+      }
+      if (s.condition) {
+        VSS_ASSIGN(use.condition, Comparison(*s.condition));
+      }
+      out_.sizes.push_back(std::move(use));
     }
     return {};
   }

@@ -1,4 +1,5 @@
-// Syntax tree to definition: names, units, ranges, weights and turns are looked up and checked.
+// Syntax tree (of one variant: expand.h) to definition: names, units, ranges, weights and turns are looked up
+// and checked.
 #pragma once
 #include "vss/knowledge/definition.h"
 

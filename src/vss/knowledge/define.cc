@@ -4,6 +4,7 @@
 
 #include "vss/knowledge/build_solid.h"
 #include "vss/knowledge/compile.h"
+#include "vss/knowledge/expand.h"
 #include "vss/knowledge/parser.h"
 #include "vss/knowledge/repair.h"
 
@@ -24,17 +25,34 @@ void OrientLoops(Definition& definition, std::span<const double> usual_mm) {
   }
 }
 
-}  // namespace
-
-Result<Definition> Define(const std::string& text, const std::string& file) {
-  VSS_ASSIGN(const Syntax syntax, ParseSyntax(text, file));
+Result<Definition> DefineVariant(const Syntax& syntax, const Catalogues& catalogues) {
   VSS_ASSIGN(Definition definition, Compile(syntax));
+  VSS_RETURN_IF_ERROR(ReadCatalogues(catalogues, definition));
   VSS_RETURN_IF_ERROR(CheckConstraintsCanHold(definition));
   const std::vector<std::optional<double>> unknown(definition.dimensions.size());
   const std::vector<double> usual_mm = UsualDimensions(definition, unknown);
   OrientLoops(definition, usual_mm);
   VSS_RETURN_IF_ERROR(CheckSolid(definition, usual_mm));
   return definition;
+}
+
+}  // namespace
+
+Result<std::vector<Definition>> Define(const std::string& text, const std::string& file) {
+  return Define(text, file, {std::filesystem::path(file).parent_path(), {}});
+}
+
+Result<std::vector<Definition>> Define(const std::string& text, const std::string& file,
+                                       const Catalogues& catalogues) {
+  VSS_ASSIGN(const Syntax syntax, ParseSyntax(text, file));
+  VSS_ASSIGN(const std::vector<Syntax> variants, Expand(syntax));
+  std::vector<Definition> out;
+  for (const Syntax& variant : variants) {
+    auto definition = DefineVariant(variant, catalogues);
+    if (!definition) return InputError("{}", InVariant(definition.error().message, VariantName(variant)));
+    out.push_back(std::move(*definition));
+  }
+  return out;
 }
 
 }  // namespace vss

@@ -1,11 +1,14 @@
 // An object as the program computes with it: names resolved, units checked, dimensions with ranges.
 #pragma once
 #include <array>
+#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "vss/knowledge/object_model.h"
 #include "vss/knowledge/program.h"
+#include "vss/knowledge/size_table.h"
 #include "vss/knowledge/syntax.h"
 
 namespace vss {
@@ -56,19 +59,33 @@ struct Usual {
   std::vector<int> needs;  // the dimensions that it is computed from
 };
 
+// A catalogue as an object uses it.
+struct SizesUse {
+  std::string file;
+  SourcePosition at;
+  std::vector<std::pair<std::string, int>> named;  // column, dimension: as the object says
+  std::optional<Constraint> condition;
+  std::shared_ptr<const SizeTable> table;  // null until it is read (define.h)
+  std::vector<int> dimension_of_column;
+};
+
 struct Definition {
   std::string file, kind, title;
   SourcePosition at;
+  std::vector<FeatureDef> features;
+  std::string variant;  // "with snipe, without hole"; empty where there are no features
   std::vector<DimensionDef> dimensions;
   std::vector<std::vector<Usual>> usual;  // of each dimension; the first whose needs are known counts
   std::vector<SourcePosition> dimension_at;
   Program program;
   std::vector<Constraint> constraints;
+  std::vector<SizesUse> sizes;
   Extrusion extrusion;
   std::vector<RestingPose> resting_poses;
   std::vector<bool> propped;
   std::vector<SourcePosition> rest_at;
   std::vector<std::string> stands_on;
+  std::vector<ObjectRelation> relations;
 };
 
 }  // namespace vss

@@ -16,4 +16,11 @@ inline tl::unexpected<Error> ErrorAt(const std::string& file, SourcePosition at,
   return InputError("{}:{}:{}: {}", file, at.line, at.column, sentence);
 }
 
+// FILE:LINE:COLUMN: in the variant with ...: sentence.
+inline std::string InVariant(const std::string& message, const std::string& variant) {
+  const std::size_t sentence = message.find(": ");
+  if (variant.empty() || sentence == std::string::npos) return message;
+  return message.substr(0, sentence + 2) + "in the variant " + variant + ": " + message.substr(sentence + 2);
+}
+
 }  // namespace vss

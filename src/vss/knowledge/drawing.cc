@@ -368,24 +368,24 @@ constexpr const char* kStyle =
     "3}.section{fill:#dde5ee;fill-rule:evenodd;stroke:#222;stroke-width:1.4}"
     ".help{stroke:#bbb;stroke-width:.6}.dimension{stroke:#c40;stroke-width:1}</style>\n";
 
-}  // namespace
+struct Page {
+  std::string elements;
+  double height = 0;
+};
 
-Result<std::string> DrawKnowledge(const std::string& text, const std::string& file) {
-  VSS_ASSIGN(const Definition definition, Define(text, file));
+// One variant: title, cross section, poses, table.
+Page DrawVariant(const Definition& definition) {
   const std::vector<double> x =
       UsualDimensions(definition, std::vector<std::optional<double>>(definition.dimensions.size()));
   const Solid solid = BuildSolid(definition, x);
   const int columns = 3, num_poses = static_cast<int>(definition.resting_poses.size());
   const double poses_top = 60 + kSectionHeight;
   const double table_top = poses_top + (num_poses + columns - 1) / columns * kPoseHeight + 30;
-  const double height = table_top + kRow * static_cast<double>(x.size() + 1) + kMargin;
-  std::string out = fmt::format(
-      "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} "
-      "{1:.0f}\">\n",
-      kWidth, height);
-  out += kStyle;
-  out += fmt::format("<rect width=\"{:.0f}\" height=\"{:.0f}\" fill=\"#fff\"/>\n", kWidth, height);
-  out += Text(kMargin, 34, definition.kind + ": " + definition.title, "class=\"title\"");
+  Page page;
+  page.height = table_top + kRow * static_cast<double>(x.size() + 1) + kMargin;
+  std::string& out = page.elements;
+  const std::string variant = definition.variant.empty() ? "" : ", " + definition.variant;
+  out += Text(kMargin, 34, definition.kind + ": " + definition.title + variant, "class=\"title\"");
   const char* const across[] = {"cross section, y to the right, z up; extruded along x",
                                 "cross section, x to the right, z up; extruded along y",
                                 "cross section, x to the right, y up; extruded along z"};
@@ -399,7 +399,29 @@ Result<std::string> DrawKnowledge(const std::string& text, const std::string& fi
     out +=
         IsometricView(solid, pose.rested_from_part).Draw(left, top + 24, kPoseWidth - 20, kPoseHeight - 40);
   }
-  return out + Table(definition, x, table_top) + "</svg>\n";
+  out += Table(definition, x, table_top);
+  return page;
+}
+
+}  // namespace
+
+Result<std::string> DrawKnowledge(const std::string& text, const std::string& file) {
+  VSS_ASSIGN(const std::vector<Definition> variants, Define(text, file));
+  std::string pages;
+  double height = 0;
+  for (const Definition& definition : variants) {
+    const Page page = DrawVariant(definition);
+    pages += variants.size() == 1
+                 ? page.elements
+                 : fmt::format("<g transform=\"translate(0 {:.0f})\">\n{}</g>\n", height, page.elements);
+    height += page.height;
+  }
+  return fmt::format(
+             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 "
+             "{0:.0f} "
+             "{1:.0f}\">\n{2}<rect width=\"{0:.0f}\" height=\"{1:.0f}\" fill=\"#fff\"/>\n",
+             kWidth, height, kStyle) +
+         pages + "</svg>\n";
 }
 
 }  // namespace vss

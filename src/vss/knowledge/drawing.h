@@ -6,8 +6,8 @@
 
 namespace vss {
 
-// SVG of the object in `text` at its usual dimensions. Hidden edges are thin and dashed; corners carry their
-// names.
+// SVG of the object in `text` at its usual dimensions, its variants one below the other. Hidden edges are
+// thin and dashed; corners carry their names.
 Result<std::string> DrawKnowledge(const std::string& text, const std::string& file);
 
 }  // namespace vss

@@ -25,6 +25,38 @@ std::string WithProfile(const std::string& profile) {
          "\n} }";
 }
 
+// Every word of the language once.
+const char* const kEverything = R"(object everything "All of it" {
+  dimension length: 200 mm .. 1 m usual 400 mm
+  dimension height: 10 mm .. 5 cm usual length/20 or 20 mm "thickness"
+  let half = length/2
+  optional hole "a round hole" {
+    dimension diameter: 20 mm .. 150 mm
+    let radius_of_hole = diameter/2
+    require diameter <= half "it stays inside"
+  }
+  either straight {} or sniped "one corner cut off" { dimension snipe: 10 mm .. 90 mm }
+  sizes "plates.sizes" with thickness = height if height <= length/5
+  extrude z from 0 mm to height {
+    outline {
+      a (-half, -100 mm) b (half, -100 mm) round 5 mm
+      with sniped { c (half, 100 mm - snipe) d (half - snipe, 100 mm) } else { c (half, max(100 mm, 2*height)) }
+      e (-half, 100 mm)
+    }
+    with hole { cutout circle bore at (0 mm, 0 mm) radius radius_of_hole weak bore }
+    strong a-b at from
+    weight 0.7 e
+  }
+  rests base propped "held"
+  rests over turn x 180 deg
+  stands on ground, box
+  expects touching box or tee
+  prefers near pipe within 1 m weight 0.5 "drains"
+  avoids between box and tee within 5 mm
+  prefers perpendicular to tee within 20 mm
+  prefers parallel to i_beam
+})";
+
 struct Case {
   const char* name;
   std::string text, error;
@@ -54,9 +86,11 @@ INSTANTIATE_TEST_SUITE_P(
              "o.kb:1:8: expected the object's name, found 'from'; 'from' is a word of the language"},
         Case{"NoBrace", "object o dimension", "o.kb:1:10: expected '{', found 'dimension'"},
         Case{"UnknownItem", "object o {\n  dimensions a",
-             "o.kb:2:3: expected dimension, let, require, extrude, rests, stands or '}', found 'dimensions'"},
+             "o.kb:2:3: expected dimension, let, require, extrude, rests, stands, sizes, optional, either, "
+             "expects, prefers, avoids or '}', found 'dimensions'"},
         Case{"EndsEarly", "object o {\n",
-             "o.kb:2:1: expected dimension, let, require, extrude, rests, stands or '}', found the end of "
+             "o.kb:2:1: expected dimension, let, require, extrude, rests, stands, sizes, optional, either, "
+             "expects, prefers, avoids or '}', found the end of "
              "the file"},
         Case{"TwoObjects", WithItems(kW) + "\nobject p {",
              "o.kb:5:1: expected the end of the file, found 'object'; a file holds one object"},
@@ -141,7 +175,7 @@ INSTANTIATE_TEST_SUITE_P(
              WithProfile("outline circle at (0, 0) radius w outline circle at (0, 0) radius w"),
              "o.kb:3:35: a cross section has one outline"},
         Case{"ProfileWord", WithProfile("inline"),
-             "o.kb:3:1: expected outline, cutout, weak, strong, weight or '}', found 'inline'"},
+             "o.kb:3:1: expected outline, cutout, weak, strong, weight, with or '}', found 'inline'"},
         Case{"TwoCorners", WithProfile("outline { a (0, 0) b (w, 0) }"),
              "o.kb:3:1: a loop needs 3 corners and more, this one has 2"},
         Case{"PointWithoutComma", WithProfile("outline { a (0 0)"),
@@ -215,6 +249,8 @@ INSTANTIATE_TEST_SUITE_P(
              "o.kb:3:109: this expression is nested more than 100 deep"}),
     [](const auto& info) { return info.param.name; });
 
+TEST(KnowledgeErrors, AreNoneInAFileThatUsesEveryWord) { EXPECT_EQ(ErrorOf(kEverything), "no error"); }
+
 TEST(KnowledgeErrors, NameTheConstraintsThatContradictEachOther) {
   const std::string error = ErrorOf(
       WithItems(std::string(kW) +
@@ -253,6 +289,8 @@ TEST(KnowledgeErrors, NeverCrashOnDamagedFiles) {
   const auto pick = [&](std::size_t n) { return static_cast<std::size_t>(random() % n); };
   std::vector<std::string> texts;
   for (const EmbeddedFile& file : shipped_knowledge()) texts.emplace_back(file.text);
+  texts.emplace_back(kEverything);
+  texts.emplace_back(kEverything);
   int sound = 0, broken = 0;
   for (int trial = 0; trial < 6000; ++trial) {
     std::string text = texts[pick(texts.size())];
@@ -280,18 +318,21 @@ TEST(KnowledgeErrors, NeverCrashOnDamagedFiles) {
           break;
       }
     }
-    const auto object = ParseObject(text, "fuzz.kb");
-    if (!object) {
+    const auto objects = ParseObjects(text, "fuzz.kb");
+    if (!objects) {
       ++broken;
-      EXPECT_EQ(object.error().message.rfind("fuzz.kb:", 0), 0u) << object.error().message;
-      EXPECT_EQ(object.error().message.find('\n'), std::string::npos);
+      EXPECT_EQ(objects.error().message.rfind("fuzz.kb:", 0), 0u) << objects.error().message;
+      EXPECT_EQ(objects.error().message.find('\n'), std::string::npos);
       continue;
     }
     ++sound;
-    std::vector<double> x;
-    for (const DimensionDef& d : (*object)->dimensions()) x.push_back(d.min_mm + (d.max_mm - d.min_mm) * 0.3);
-    (void)(*object)->InstantiateUnchecked(x);
-    (void)(*object)->Violations(x);
+    for (const auto& object : *objects) {
+      std::vector<double> x;
+      for (const DimensionDef& d : object->dimensions()) x.push_back(d.min_mm + (d.max_mm - d.min_mm) * 0.3);
+      (void)object->InstantiateUnchecked(x);
+      (void)object->Violations(x);
+      (void)object->MatchSizes(std::vector<MeasuredDimension>(x.size(), {20, 1}));
+    }
   }
   EXPECT_GT(sound, 100);
   EXPECT_GT(broken, 100);

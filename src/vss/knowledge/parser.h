@@ -7,7 +7,4 @@ namespace vss {
 // Errors: what stands there, what was expected, and the remedy. Names are not yet looked up.
 Result<Syntax> ParseSyntax(const std::string& text, const std::string& file);
 
-// Words of the language, which can be no names.
-bool IsWord(const std::string& name);
-
 }  // namespace vss

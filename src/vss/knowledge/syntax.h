@@ -1,7 +1,9 @@
 // What a knowledge base file says, word for word: the tree that the parser makes and the compiler reads.
 #pragma once
+#include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "vss/knowledge/diagnostic.h"
@@ -33,16 +35,32 @@ struct Named {
   SourcePosition at;
 };
 
+// An item stands in an object only where these features are there, or are not.
+struct Presence {
+  Named feature;
+  bool present = true;
+};
+using When = std::vector<Presence>;
+
+// A feature that an object has or has not; of those of one `either`, it has just one.
+struct FeatureSyntax {
+  Named name;
+  std::string title;
+  int choice = -1;  // the index of its `either`; -1: optional
+};
+
 struct DimensionSyntax {
   Named name;
   int min = -1, max = -1;
   std::vector<int> usual;  // the first of which all dimensions are known is taken
   std::string help;
+  When when;
 };
 
 struct LetSyntax {
   Named name;
   int value = -1;
+  When when;
 };
 
 enum class Relation { kLessEqual, kGreaterEqual, kEqual };
@@ -52,12 +70,23 @@ struct RequireSyntax {
   Relation relation = Relation::kLessEqual;
   std::string reason;
   SourcePosition at;
+  When when;
+};
+
+// A catalogue of standard sizes: which column is which dimension, and where it applies.
+struct SizesSyntax {
+  std::string file;
+  SourcePosition at;
+  std::vector<std::pair<Named, Named>> columns;  // column, dimension; others by their name
+  std::optional<RequireSyntax> condition;
+  When when;
 };
 
 struct CornerSyntax {
   Named name;
   int u = -1, v = -1;
   int round = -1;  // radius; -1: sharp
+  When when;
 };
 
 struct LoopSyntax {
@@ -67,6 +96,7 @@ struct LoopSyntax {
   int u = -1, v = -1, radius = -1;  // a circle's
   std::vector<CornerSyntax> corners;
   SourcePosition at;
+  When when;
 };
 
 enum class End { kBoth, kFrom, kTo };
@@ -80,6 +110,7 @@ struct EdgeSyntax {
 struct WeightSyntax {
   double weight = 1;
   std::vector<EdgeSyntax> edges;
+  When when;
 };
 
 struct ExtrudeSyntax {
@@ -102,6 +133,16 @@ struct RestSyntax {
   std::string help;
 };
 
+// force and kind as in ObjectRelation.
+struct RelationSyntax {
+  int force = 0, kind = 0;
+  std::vector<Named> kinds, others;
+  int within = -1;
+  double weight = 2;
+  std::string reason;
+  SourcePosition at;
+};
+
 struct Syntax {
   std::string file;
   Named kind;
@@ -110,9 +151,16 @@ struct Syntax {
   std::vector<DimensionSyntax> dimensions;
   std::vector<LetSyntax> lets;
   std::vector<RequireSyntax> requires_;
+  std::vector<SizesSyntax> sizes;
   std::vector<ExtrudeSyntax> extrusions;
   std::vector<RestSyntax> rests;
   std::vector<Named> stands_on;
+  std::vector<RelationSyntax> relations;
+  std::vector<FeatureSyntax> features;
+  std::vector<Presence> mentions;  // every `with` of the cross section
+  // Of one variant (expand.h): which features it has, and the names that the others would bring.
+  std::vector<bool> present;
+  std::map<std::string, std::string> absent_names;  // name, its feature
 };
 
 }  // namespace vss

@@ -5,6 +5,8 @@
 #include <limits>
 #include <map>
 
+#include "vss/product/designation.h"
+
 namespace vss {
 namespace {
 
@@ -74,6 +76,8 @@ std::vector<PictureResidual> PictureResiduals(const ReconstructedPart& reconstru
 void SetGeometry(const PlacedObject& object, Part& part) {
   const WorldSolid solid = PlaceSolid(object, false);
   part.kind = object.model->kind();
+  part.features = FeaturesOf(*object.model);
+  part.has_features = !object.model->features().empty();
   part.resting_pose = object.model->resting_poses()[static_cast<std::size_t>(object.resting_pose)].name;
   part.world_from_part = solid.world_from_part;
   part.yaw_rad = object.placement[3];
@@ -81,7 +85,12 @@ void SetGeometry(const PlacedObject& object, Part& part) {
   for (std::size_t i = 0; i < object.dimensions_mm.size(); ++i) {
     part.dimensions[i].name = object.model->dimensions()[i].name;
     part.dimensions[i].value_mm = object.dimensions_mm[i];
+    part.dimensions[i].nominal_mm.reset();
   }
+  // Of the size that other dimensions told.
+  part.designation.clear();
+  part.standard.clear();
+  part.designation_candidates.clear();
   part.vertices.clear();
   for (const auto& v : solid.vertices) part.vertices.push_back(v.point);
   part.edges.clear();
@@ -105,11 +114,17 @@ Part MakePart(const IdentifiedPart& found, const std::string& id, std::span<cons
   return part;
 }
 
-void SetReconstruction(const ReconstructedPart& reconstructed, std::span<const View> views, Part& part) {
+void SetReconstruction(const ReconstructedPart& measured, std::span<const View> views, Part& part) {
+  ReconstructedPart reconstructed = measured;
+  const Designation size = Designate(reconstructed);
   SetGeometry(reconstructed.object, part);
+  part.designation = size.name;
+  part.standard = size.standard;
+  part.designation_candidates = size.candidates;
   for (std::size_t i = 0; i < part.dimensions.size() && i < reconstructed.dimensions.size(); ++i) {
     const ReconstructedDimension& d = reconstructed.dimensions[i];
-    part.dimensions[i] = {d.name, d.value_mm, d.sigma_mm, d.observable, d.origin};
+    part.dimensions[i] = {d.name, d.value_mm, d.sigma_mm, d.observable, d.origin, {}};
+    if (i < size.nominal_mm.size()) part.dimensions[i].nominal_mm = size.nominal_mm[i];
   }
   part.vertex_sigma = reconstructed.vertex_sigma;
   part.covariance = PoseCovariance(reconstructed.object, reconstructed.covariance);
@@ -136,7 +151,8 @@ Product MakeProduct(const SceneResult& scene, const Reconstruction& reconstructi
 }
 
 std::optional<WorldSolid> SolidOfPart(const Part& part, const KnowledgeBase& knowledge) {
-  const ObjectModel* model = knowledge.Find(part.kind);
+  const ObjectModel* model = knowledge.Find(part.kind, part.features);
+  if (model == nullptr) model = knowledge.Find(part.kind);
   if (model == nullptr) return std::nullopt;
   const std::vector<double> dimensions_mm = DimensionsOf(part, *model);
   if (dimensions_mm.size() != model->dimensions().size()) return std::nullopt;

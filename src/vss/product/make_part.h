@@ -13,8 +13,9 @@ namespace vss {
 // The part as identified; its sigmas are not known (NaN) until it is reconstructed.
 Part MakePart(const IdentifiedPart& found, const std::string& id, std::span<const View> views);
 
-// Puts what reconstruction found into `part`: geometry, sigmas, covariance, residuals.
-void SetReconstruction(const ReconstructedPart& reconstructed, std::span<const View> views, Part& part);
+// Puts what reconstruction found into `part`: geometry, sigmas, covariance, residuals, and the standard size
+// that it tells (designation.h).
+void SetReconstruction(const ReconstructedPart& measured, std::span<const View> views, Part& part);
 
 // All parts of the scene, named part-1, part-2, ... in the scene's order, and what stands on what.
 Product MakeProduct(const SceneResult& scene, const Reconstruction& reconstruction,

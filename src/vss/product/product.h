@@ -17,7 +17,8 @@ struct DimensionValue {
   double value_mm = 0;
   double sigma_mm = 0;  // NaN where it is not known
   bool observable = true;
-  std::string origin;  // where a value that was not observed comes from: a sentence
+  std::string origin;                     // where a value that was not observed comes from: a sentence
+  std::optional<double> nominal_mm = {};  // of the part's standard size
 };
 
 struct ProductCircle {
@@ -36,6 +37,10 @@ struct Part {
   std::string id, kind;
   std::string source = "automatic";  // "automatic", "corrected" or "manual"
   std::string resting_pose;
+  std::vector<std::string> features;  // of those that its kind may have, those that it has
+  bool has_features = false;          // may its kind have some?
+  std::string designation, standard;  // its standard size, "IPE 200" of "EN 10365"; empty: none is sure
+  std::vector<std::string> designation_candidates;  // where several fit, the nearest first
   RigidTransform world_from_part;
   double yaw_rad = 0;
   std::vector<DimensionValue> dimensions;

@@ -58,6 +58,9 @@ Json DimensionsJson(const Part& part) {
     Json& entry = out[d.name] = {
         {"value", Length(d.value_mm)}, {"sigma", Significant(d.sigma_mm)}, {"observable", d.observable}};
     if (!d.origin.empty()) entry["origin"] = d.origin;
+    if (!d.nominal_mm) continue;
+    entry["nominal"] = Length(*d.nominal_mm);
+    if (d.observable) entry["deviation"] = Length(d.value_mm - *d.nominal_mm);
   }
   return out;
 }
@@ -99,6 +102,12 @@ Json PartJson(const Part& part, const std::vector<std::string>& files) {
   Json out;
   out["id"] = part.id;
   out["kind"] = part.kind;
+  if (part.has_features) out["features"] = part.features;
+  if (!part.designation.empty()) {
+    out["designation"] = part.designation;
+    out["standard"] = part.standard;
+  }
+  if (!part.designation_candidates.empty()) out["designation_candidates"] = part.designation_candidates;
   out["source"] = part.source;
   out["doubtful"] = part.doubtful;
   out["pose"] = {{"position", Point(part.world_from_part.translation)},
@@ -220,9 +229,20 @@ Part PartFrom(const Json& in, const std::vector<std::string>& files) {
   part.world_from_part = PoseFrom(in.at("pose"));
   part.yaw_rad = RadFromDeg(in.at("pose").value("yaw", 0.0));
   part.resting_pose = in.at("pose").value("resting", "");
-  for (const auto& [name, d] : in.at("dimensions").items())
-    part.dimensions.push_back({name, d.at("value").get<double>(), NumberOrNan(d.value("sigma", Json())),
-                               d.value("observable", true), d.value("origin", "")});
+  part.has_features = in.contains("features");
+  part.features = in.value("features", part.features);
+  part.designation = in.value("designation", "");
+  part.standard = in.value("standard", "");
+  part.designation_candidates = in.value("designation_candidates", part.designation_candidates);
+  for (const auto& [name, d] : in.at("dimensions").items()) {
+    part.dimensions.push_back({name,
+                               d.at("value").get<double>(),
+                               NumberOrNan(d.value("sigma", Json())),
+                               d.value("observable", true),
+                               d.value("origin", ""),
+                               {}});
+    if (d.contains("nominal")) part.dimensions.back().nominal_mm = d["nominal"].get<double>();
+  }
   for (const auto& v : in.value("vertices", Json::array())) part.vertices.push_back(PointFrom(v));
   for (const auto& v : in.value("vertex_sigma", Json::array())) part.vertex_sigma.push_back(PointFrom(v));
   part.edges = in.value("edges", part.edges);

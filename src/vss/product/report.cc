@@ -67,9 +67,12 @@ std::string DimensionHtml(const DimensionValue& d) {
     return fmt::format("<span class=\"no\" title=\"{}\"><i>{}</i> {:.1f} not observed</span>",
                        Escaped(d.origin.empty() ? "The pictures do not determine it." : d.origin),
                        Escaped(d.name), d.value_mm);
+  const std::string nominal = d.nominal_mm ? fmt::format(" title=\"nominal {:g}, deviation {:+.2f}\"",
+                                                         *d.nominal_mm, d.value_mm - *d.nominal_mm)
+                                           : "";
   const std::string sigma =
       std::isfinite(d.sigma_mm) ? fmt::format(" <span class=\"sig\">&plusmn;{:.2f}</span>", d.sigma_mm) : "";
-  return fmt::format("<span><i>{}</i> {:.2f}{}</span>", Escaped(d.name), d.value_mm, sigma);
+  return fmt::format("<span{}><i>{}</i> {:.2f}{}</span>", nominal, Escaped(d.name), d.value_mm, sigma);
 }
 
 // The largest standard deviation of a part's vertices, in any direction.
@@ -77,6 +80,21 @@ std::string VertexSigma(const Part& part) {
   double worst = 0;
   for (const auto& s : part.vertex_sigma) worst = std::max(worst, s.norm());
   return part.vertex_sigma.empty() || !std::isfinite(worst) ? "&ndash;" : fmt::format("{:.2f}", worst);
+}
+
+std::string FeaturesHtml(const Part& part) {
+  std::string list;
+  for (const auto& f : part.features) list += (list.empty() ? "" : ", ") + Escaped(f);
+  return list.empty() ? "" : "<br><span class=\"sig\">with " + list + "</span>";
+}
+
+// The standard size, or those between which the measurement does not decide.
+std::string SizeHtml(const Part& part) {
+  if (!part.designation.empty())
+    return fmt::format("<br><span title=\"{}\">{}</span>", Escaped(part.standard), Escaped(part.designation));
+  std::string list;
+  for (const auto& c : part.designation_candidates) list += (list.empty() ? "" : " or ") + Escaped(c);
+  return list.empty() ? "" : "<br><span class=\"sig\">" + list + "?</span>";
 }
 
 std::string PartRow(const Part& part, int index) {
@@ -98,7 +116,8 @@ std::string PartRow(const Part& part, int index) {
       "<td>{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{:.3f}</td><td "
       "class=\"n\">{:.1f}{}</td><td>{}</td></tr>",
       Chip(index), Escaped(part.id), Escaped(part.kind),
-      part.resting_pose.empty() ? "" : "<br><span class=\"sig\">" + Escaped(part.resting_pose) + "</span>",
+      (part.resting_pose.empty() ? "" : "<br><span class=\"sig\">" + Escaped(part.resting_pose) + "</span>") +
+          FeaturesHtml(part) + SizeHtml(part),
       p.x(), p.y(), p.z(), DegFromRad(part.yaw_rad), dimensions, Escaped(part.stands_on), VertexSigma(part),
       part.images.size(), part.residual_px, part.log_odds, runner_up, tag);
 }

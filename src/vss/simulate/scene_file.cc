@@ -6,6 +6,7 @@
 
 #include "vss/base/files.h"
 #include "vss/base/toml_file.h"
+#include "vss/knowledge/catalogues.h"
 #include "vss/simulate/random_scene.h"
 
 namespace vss {
@@ -116,9 +117,17 @@ class SceneReader {
     VSS_ASSIGN(out_.knowledge, LoadKnowledge(names, folder_));
     knowledge_ = names;
     for (std::string& name : names) {
-      if (!name.ends_with(".kb")) continue;
-      VSS_ASSIGN(std::string text, ReadTextFile(folder_ / name));
-      name = "knowledge/" + fs::path(name).filename().string();
+      if (!name.ends_with(".kb") && !name.ends_with(".sizes")) continue;
+      const fs::path path = folder_ / name;
+      VSS_ASSIGN(std::string text, ReadTextFile(path));
+      for (const std::string& catalogue : CataloguesBeside(text, path)) {
+        VSS_ASSIGN(std::string sizes, ReadTextFile(path.parent_path() / catalogue));
+        const std::string copy = "knowledge/" + catalogue;
+        if (std::ranges::find(knowledge_texts_, copy, [](const auto& t) { return t.first; }) ==
+            knowledge_texts_.end())
+          knowledge_texts_.emplace_back(copy, std::move(sizes));
+      }
+      name = "knowledge/" + path.filename().string();
       knowledge_texts_.emplace_back(name, std::move(text));
     }
     knowledge_ = std::move(names);
@@ -339,8 +348,8 @@ class SceneReader {
   }
 
   Status ReadPart(const TomlValue& table) {
-    VSS_RETURN_IF_ERROR(OnlyThese(table, {"id", "kind", "dimensions", "position", "z", "yaw", "tilt", "rests",
-                                          "on", "albedo", "gloss", "grain", "patches"}));
+    VSS_RETURN_IF_ERROR(OnlyThese(table, {"id", "kind", "features", "dimensions", "position", "z", "yaw",
+                                          "tilt", "rests", "on", "albedo", "gloss", "grain", "patches"}));
     ScenePart part;
     VSS_ASSIGN(const TomlValue* kind, table.Get("kind", "kind = \"box\""));
     VSS_ASSIGN(const std::string name, kind->AsText());
@@ -349,6 +358,13 @@ class SceneReader {
       std::string known;
       for (const auto& o : out_.knowledge.objects) known += (known.empty() ? "" : ", ") + o->kind();
       return kind->Complain("is \"" + name + "\", which the knowledge base lacks; it has: " + known);
+    }
+    if (const TomlValue* features = table.Find("features")) {
+      VSS_ASSIGN(const std::vector<std::string> wanted, features->AsTexts());
+      part.object.model = out_.knowledge.Find(name, wanted);
+      if (!part.object.model)
+        return features->Complain("are none that a " + name +
+                                  " can have together; look at the knowledge base");
     }
     part.id = fmt::format("p{}", Scene().parts.size() + 1);
     if (const TomlValue* id = table.Find("id")) {
@@ -511,16 +527,23 @@ std::string PointsToToml(const std::vector<Vector2d>& points) {
   return out + "]";
 }
 
+std::string FeaturesToToml(const ObjectModel& model) {
+  if (model.features().empty()) return "";
+  std::string list;
+  for (const std::string& f : FeaturesOf(model)) list += (list.empty() ? "" : ", ") + TomlText(f);
+  return "features = [" + list + "]\n";
+}
+
 std::string PartToToml(const ScenePart& part) {
   const PlacedObject& o = part.object;
   std::string dimensions;
   for (std::size_t i = 0; i < o.dimensions_mm.size(); ++i)
     dimensions += fmt::format("{}{} = {}", i ? ", " : "", o.model->dimensions()[i].name,
                               TomlNumber(o.dimensions_mm[i]));
-  std::string out =
-      fmt::format("\n[[part]]\nid = {}\nkind = {}\ndimensions = {{ {} }}\nposition = {}\nz = {}\nyaw = {}\n",
-                  TomlText(part.id), TomlText(o.model->kind()), dimensions, TomlArray(o.placement.head<2>()),
-                  TomlNumber(o.placement[2]), TomlNumber(DegFromRad(o.placement[3])));
+  std::string out = fmt::format(
+      "\n[[part]]\nid = {}\nkind = {}\n{}dimensions = {{ {} }}\nposition = {}\nz = {}\nyaw = {}\n",
+      TomlText(part.id), TomlText(o.model->kind()), FeaturesToToml(*o.model), dimensions,
+      TomlArray(o.placement.head<2>()), TomlNumber(o.placement[2]), TomlNumber(DegFromRad(o.placement[3])));
   if (o.placement[4] != 0 || o.placement[5] != 0)
     out += "tilt = " + TomlArray(Vector2d(DegFromRad(o.placement[4]), DegFromRad(o.placement[5]))) + "\n";
   out += "rests = " + TomlText(o.model->resting_poses()[std::size_t(o.resting_pose)].name) +

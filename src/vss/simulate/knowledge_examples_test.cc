@@ -1,0 +1,245 @@
+// Objects that are described as text alone (examples/knowledge), and other ways to lie: simulated, surveyed,
+// found.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <fstream>
+#include <numeric>
+
+#include "vss/product/compare.h"
+#include "vss/simulate/scene_file.h"
+#include "vss/simulate/simulate.h"
+#include "vss/survey/run_survey.h"
+
+namespace vss {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Two stops of four cameras, 512 x 512: one rig some 3 m above the floor, one lower and more tilted, which
+// sees more of the sides.
+const char* const kHighRig = R"([rig]
+stops_x = [700, 1500]
+stops_y = [800]
+[[lamp]]
+position = [900, 700, 3000]
+radius = 150
+power = 0.6
+[[lamp]]
+position = [-900, -500, 3000]
+radius = 150
+power = 0.5
+)";
+const char* const kLowRig = R"([rig]
+height = 1900
+out = 950
+tilt = 30
+stops_x = [900, 1500]
+stops_y = [800]
+[[lamp]]
+position = [900, 700, 2500]
+radius = 150
+power = 0.4
+[[lamp]]
+position = [-900, -500, 2500]
+radius = 150
+power = 0.35
+)";
+
+struct Surveyed {
+  std::vector<TruePart> truth;
+  Product product;
+  KnowledgeBase knowledge;
+  Comparison comparison;
+
+  const Part* PartOf(const std::string& true_id) const {
+    for (std::size_t i = 0; i < truth.size(); ++i)
+      if (truth[i].id == true_id && comparison.parts[i].part >= 0)
+        return &product.parts[std::size_t(comparison.parts[i].part)];
+    return nullptr;
+  }
+};
+
+class Examples : public testing::Test {
+ protected:
+  void SetUp() override { fs::create_directories(folder_); }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  // Renders the parts and surveys the pictures, as `vss simulate` and `vss survey` do.
+  Result<Surveyed> Survey(const std::string& rig, const std::string& knowledge,
+                          const std::string& parts) const {
+    std::ofstream(folder_ / "scene.toml")
+        << "format = \"vss-scene/1\"\nname = \"example\"\nseed = 4\nknowledge = " << knowledge << "\n"
+        << rig << parts;
+    VSS_ASSIGN(const LoadedScene loaded, ReadScene(folder_ / "scene.toml"));
+    VSS_ASSIGN(OutputFolder out, OutputFolder::Open(folder_ / "survey"));
+    const Progress quiet;
+    VSS_ASSIGN(const auto seen_px, AddSimulatedSurvey(loaded.scene, 2, quiet, out));
+    VSS_RETURN_IF_ERROR(out.Commit());
+    VSS_ASSIGN(const auto survey, ReadSurvey(folder_ / "survey"));
+    VSS_ASSIGN(SurveyOptions options, OptionsOf(survey));
+    options.threads = 2;
+    VSS_ASSIGN(SurveyOutcome outcome, RunSurvey(survey, options, quiet));
+    Surveyed result{TruthOf(loaded.scene), std::move(outcome.product), std::move(outcome.knowledge), {}};
+    result.comparison = CompareWithTruth(result.truth, result.product);
+    return result;
+  }
+
+  static std::string Example(const std::string& name) {
+    return "\"" + (fs::path(VSS_SOURCE_DIR) / "examples" / "knowledge" / name).string() + "\"";
+  }
+
+  // Every part found, each vertex and rim within 1 mm in the mean, and nothing else.
+  static void ExpectAllFound(const Surveyed& s) {
+    EXPECT_TRUE(s.comparison.invented.empty());
+    for (const PartComparison& p : s.comparison.parts) {
+      const TruePart& truth = s.truth[std::size_t(p.truth)];
+      ASSERT_GE(p.part, 0) << truth.id << " (" << truth.kind << ") is not found";
+      const double mean =
+          std::accumulate(p.errors_mm.begin(), p.errors_mm.end(), 0.0) / double(p.errors_mm.size());
+      EXPECT_LT(mean, 1) << truth.id;
+      for (const auto& d : p.dimensions) EXPECT_LT(std::abs(d.error_mm), 1) << truth.id << " " << d.name;
+      RecordProperty(truth.id + "_mean_mm", fmt::format("{:.3f}", mean));
+    }
+  }
+
+  fs::path folder_ = fs::temp_directory_path() / fmt::format("vss_examples_{}", ::getpid());
+};
+
+TEST_F(Examples, AnUShapedTroughIsFoundFromItsTextAlone) {
+  const auto s = Survey(kLowRig, "[\"box\", " + Example("trough.kb") + "]", R"(
+[[part]]
+id = "trough"
+kind = "trough"
+dimensions = { length = 700, bottom = 220, top = 380, height = 160, wall = 25 }
+position = [1050, 950]
+yaw = 20
+albedo = 0.5
+[[part]]
+id = "plate"
+kind = "box"
+dimensions = { length = 400, width = 250, height = 40 }
+position = [1400, 500]
+yaw = -35
+albedo = 0.45
+)");
+  ASSERT_TRUE(s) << s.error().message;
+  ExpectAllFound(*s);
+}
+
+TEST_F(Examples, ABulbFlatIsFoundFromItsTextAloneAndHasItsSize) {
+  const auto s = Survey(kLowRig, "[\"box\", " + Example("bulb_flat.kb") + "]", R"(
+[[part]]
+id = "bulb"
+kind = "bulb_flat"
+dimensions = { length = 900, height = 430, thickness = 20, bulb = 62, nose = 40 }
+position = [1200, 850]
+yaw = 65
+albedo = 0.5
+[[part]]
+id = "block"
+kind = "box"
+dimensions = { length = 400, width = 300, height = 60 }
+position = [800, 500]
+yaw = 15
+albedo = 0.45
+)");
+  ASSERT_TRUE(s) << s.error().message;
+  ExpectAllFound(*s);
+  ASSERT_TRUE(s->PartOf("bulb"));
+  EXPECT_EQ(s->PartOf("bulb")->designation, "HP 430x20");
+  EXPECT_EQ(s->PartOf("bulb")->standard, "EN 10067");
+  EXPECT_EQ(s->PartOf("block")->designation, "plate 60");
+}
+
+TEST_F(Examples, APlateWithANotchIsFoundFromItsTextAlone) {
+  const auto s = Survey(kHighRig, "[\"box\", " + Example("notched_plate.kb") + "]", R"(
+[[part]]
+id = "notched"
+kind = "notched_plate"
+dimensions = { length = 1000, width = 600, height = 40, notch_length = 260, notch_depth = 160, notch_x = -120 }
+position = [1000, 850]
+yaw = 12
+albedo = 0.5
+[[part]]
+id = "plain"
+kind = "box"
+dimensions = { length = 500, width = 350, height = 30 }
+position = [1850, 700]
+yaw = 70
+albedo = 0.45
+)");
+  ASSERT_TRUE(s) << s.error().message;
+  ExpectAllFound(*s);
+}
+
+TEST_F(Examples, StiffenersWithAndWithoutSnipesAreToldApart) {
+  const auto s = Survey(kLowRig, "[" + Example("stiffener.kb") + "]", R"(
+[[part]]
+id = "sniped"
+kind = "stiffener"
+features = ["sniped"]
+dimensions = { length = 800, height = 240, thickness = 40, snipe = 110 }
+position = [1100, 1050]
+yaw = 10
+albedo = 0.5
+[[part]]
+id = "plain"
+kind = "stiffener"
+dimensions = { length = 700, height = 180, thickness = 40 }
+position = [1300, 550]
+yaw = -15
+albedo = 0.45
+)");
+  ASSERT_TRUE(s) << s.error().message;
+  ExpectAllFound(*s);
+  EXPECT_THAT(s->PartOf("sniped")->features, testing::ElementsAre("sniped"));
+  EXPECT_THAT(s->PartOf("plain")->features, testing::ElementsAre());
+}
+
+// How much the part's axis `axis` (0 x, 1 y, 2 z) points up.
+double Up(const Part& part, int axis) { return part.world_from_part.rotation(2, axis); }
+
+TEST_F(Examples, ABeamOnItsSideAFlatBracketAndAChannelWithItsFlangesDownSayHowTheyLie) {
+  const auto s = Survey(kLowRig, R"(["box", "i_beam", "bracket", "channel"])", R"(
+[[part]]
+id = "beam"
+kind = "i_beam"
+rests = "side"
+dimensions = { length = 600, width = 220, height = 320, web = 25, flange = 30 }
+position = [1000, 1100]
+yaw = 15
+albedo = 0.5
+[[part]]
+id = "bracket"
+kind = "bracket"
+rests = "flat"
+dimensions = { length = 400, height = 320, thickness = 40, nose = 80 }
+position = [850, 500]
+yaw = 40
+albedo = 0.45
+[[part]]
+id = "channel"
+kind = "channel"
+rests = "flanges_down"
+dimensions = { length = 500, width = 400, height = 280, web = 35, flange = 35 }
+position = [1650, 800]
+yaw = 70
+albedo = 0.5
+)");
+  ASSERT_TRUE(s) << s.error().message;
+  ExpectAllFound(*s);
+  const Part *beam = s->PartOf("beam"), *bracket = s->PartOf("bracket"), *channel = s->PartOf("channel");
+  ASSERT_TRUE(beam && bracket && channel);
+  EXPECT_EQ(beam->resting_pose, "side");
+  EXPECT_NEAR(std::abs(Up(*beam, 1)), 1, 0.01);
+  EXPECT_EQ(bracket->resting_pose, "flat");
+  EXPECT_NEAR(std::abs(Up(*bracket, 1)), 1, 0.01);
+  EXPECT_EQ(channel->resting_pose, "flanges_down");
+  EXPECT_NEAR(Up(*channel, 2), -1, 0.01);
+}
+
+}  // namespace
+}  // namespace vss
