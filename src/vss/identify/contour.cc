@@ -282,6 +282,21 @@ bool Occluders::Free(const Vector3d& eye, const Vector3d& point, double margin_m
   return true;
 }
 
+double Occluders::Cast(const Vector3d& origin, const Vector3d& direction, double most_mm) const {
+  constexpr double kSquarely = -0.995;
+  double nearest = INFINITY;
+  for (const auto& body : bodies_) {
+    const double along = std::clamp((body.center - origin).dot(direction), 0.0, most_mm);
+    if ((origin + along * direction - body.center).squaredNorm() > body.radius * body.radius) continue;
+    for (const auto& t : body.triangles) {
+      const Vector3d normal = (t[1] - t[0]).cross(t[2] - t[0]).normalized();
+      if (normal.dot(direction) > kSquarely || !Meets(origin, direction, most_mm, t)) continue;
+      nearest = std::min(nearest, normal.dot(t[0] - origin) / normal.dot(direction));
+    }
+  }
+  return nearest;
+}
+
 void Occluders::Facing(const Vector3d& eye, std::vector<const std::array<Vector3d, 3>*>& out) const {
   for (const auto& body : bodies_)
     for (const auto& t : body.triangles)

@@ -34,6 +34,9 @@ class Occluders {
   bool Empty() const { return bodies_.empty(); }
   // Is the segment from `eye` to `point` (stopping `margin_mm` short of it) free?
   bool Free(const Eigen::Vector3d& eye, const Eigen::Vector3d& point, double margin_mm) const;
+  // How far it is from `origin` along the unit vector `direction` to the next face turned against it (to
+  // within some 6 degrees of squarely); INFINITY where there is none within `most_mm`.
+  double Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double most_mm) const;
   // The triangles turned to `eye`.
   void Facing(const Eigen::Vector3d& eye, std::vector<const std::array<Eigen::Vector3d, 3>*>& out) const;
 

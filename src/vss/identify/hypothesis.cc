@@ -494,6 +494,37 @@ class Seeder {
     return peaks;
   }
 
+  // Values of dimension `d` at which an upright face of the object comes to lie on one of a part that is
+  // known: what is welded touches.
+  std::vector<double> Contacts(const PlacedObject& o, std::size_t d, const Hypothesis& seed) const {
+    std::vector<double> values;
+    if (!context_.others) return values;
+    const auto& def = o.model->dimensions()[d];
+    const WorldSolid solid = PlaceSolid(o);
+    const double slack_mm = 2 * context_.mm_per_px;
+    for (const auto& f : solid.faces) {
+      if (f.is_cylinder || f.triangles.empty() || std::abs(f.normal_in_part.z()) > 0.01) continue;
+      Vector3d middle = Vector3d::Zero();
+      for (const auto& t : f.triangles) middle += (t[0] + t[1] + t[2]) / (3.0 * double(f.triangles.size()));
+      // How fast the face moves along its normal: that of the vertex nearest to its plane.
+      double rate = 0, nearest = 1e9;
+      for (const auto& v : solid.vertices) {
+        const double off = std::abs(f.normal_in_part.dot(v.point - middle));
+        if (off >= nearest - 1e-6) continue;
+        nearest = off;
+        rate = f.normal_in_part.dot(v.by_state * seed.open_direction.col(int(d)));
+      }
+      if (std::abs(rate) < 0.3) continue;
+      const double reach = std::abs(rate) * (def.max_mm - def.min_mm);
+      const double ahead =
+          context_.others->Cast(middle - slack_mm * f.normal_in_part, f.normal_in_part, reach);
+      if (!std::isfinite(ahead)) continue;
+      const double value = o.dimensions_mm[d] + (ahead - slack_mm) / rate;
+      if (value >= def.min_mm && value <= def.max_mm) values.push_back(value);
+    }
+    return values;
+  }
+
   // A rim whose place the seed left open, from the world's circles at its height.
   // False where there is none: the object is then a simpler one.
   bool CompleteRims(Hypothesis& h, const std::vector<int>& views) const {
@@ -591,6 +622,7 @@ class Seeder {
         };
         for (const State& from : beam) {
           consider(from, UsualValue(from.object, from.known, d), false);
+          for (double value : Contacts(from.object, d, h)) consider(from, value, true);
           for (double value : Vote(from.object, d, h)) consider(from, value, true);
         }
         std::stable_sort(next.begin(), next.end(),

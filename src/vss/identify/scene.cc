@@ -124,6 +124,9 @@ class SceneSolver {
   static constexpr double kBarely =
       5;  // natural logarithm of the odds: as good as nothing between two readings
   static constexpr double kClearly = 1e-6;
+  // Parts touch that are no farther apart than places are unsure by before reconstruction; what relations ask
+  // about is not farther than this.
+  static constexpr double kSlackPx = 1.5, kReachPx = 40;
   static constexpr int kMaxRounds = 4;  // what stands on what stands on what stands on the ground
 
   // What accepted parts hide and which lines they explain.
@@ -227,13 +230,15 @@ class SceneSolver {
     std::atomic<int> done{0};
     ParallelFor(seeds.size(), threads_, [&](std::size_t i) {
       if (progress_.Cancelled()) return;
-      finished[i] = Complete(templates_[seeds[i].first], context, seeds[i].second, options_.accept_log_odds);
+      const double least = options_.accept_log_odds - MostOfRelations(*templates_[seeds[i].first].model);
+      finished[i] = Complete(templates_[seeds[i].first], context, seeds[i].second, least);
       for (auto& h : finished[i]) WeighInAllViews(h, context);
       progress_.Report("hypotheses", ++done, int(seeds.size()));
     });
     for (auto& list : finished)
       for (auto& h : list)
-        if (h.log_odds >= options_.accept_log_odds) Keep(std::move(h), support);
+        if (h.log_odds >= options_.accept_log_odds - MostOfRelations(*h.object.model))
+          Keep(std::move(h), support);
   }
 
   // A plate on which something stands upright shows as two, one on either side: of two of one kind and height
@@ -489,12 +494,35 @@ class SceneSolver {
     for (auto& item : items_)
       if (std::isnan(item.alone)) {
         const Ledger::Share share = ledger_.Alone(item.candidate);
-        item.alone = Stands(share) ? share.log_odds : 0;
+        item.alone = Stands(share, MostOfRelations(*item.h.object.model)) ? share.log_odds : 0;
       }
   }
 
-  bool Stands(const Ledger::Share& share) const {
-    return share.log_odds >= options_.accept_log_odds && share.elevated_log_odds >= options_.accept_log_odds;
+  bool Stands(const Ledger::Share& share, double relations) const {
+    return share.log_odds + relations >= options_.accept_log_odds &&
+           share.elevated_log_odds + relations >= options_.accept_log_odds;
+  }
+
+  // What an object's relations to others can bring at most.
+  static double MostOfRelations(const ObjectModel& model) {
+    double most = 0;
+    for (const auto& r : model.relations())
+      if (r.force != ObjectRelation::Force::kAvoids) most += r.weight;
+    return most;
+  }
+
+  // What the relations of item `i` say of it among `items`.
+  double Relations(int i, const std::vector<int>& items) const {
+    const Item& item = items_[std::size_t(i)];
+    const auto relations = item.h.object.model->relations();
+    if (relations.empty()) return 0;
+    std::vector<RelatedSolid> others;
+    const Vector3d reach = Vector3d::Constant(kReachPx * mm_per_px_);
+    const Eigen::AlignedBox3d room(item.volume.box.min() - reach, item.volume.box.max() + reach);
+    for (int k : items)
+      if (k != i && room.intersects(items_[std::size_t(k)].volume.box))
+        others.push_back(RelatedOf(items_[std::size_t(k)].h.object));
+    return RelationLogOdds(relations, RelatedOf(item.h.object), others, kSlackPx * mm_per_px_);
   }
 
   // A part must bring more than its acceptance asks for; one that does not stand among the others costs that.
@@ -502,8 +530,11 @@ class SceneSolver {
     std::vector<int> candidates;
     for (int i : items) candidates.push_back(items_[std::size_t(i)].candidate);
     double total = 0;
-    for (const auto& share : ledger_.Weigh(candidates))
-      total += (Stands(share) ? share.log_odds : 0) - options_.accept_log_odds;
+    const auto shares = ledger_.Weigh(candidates);
+    for (std::size_t n = 0; n < items.size(); ++n) {
+      const double relations = Relations(items[n], items);
+      total += (Stands(shares[n], relations) ? shares[n].log_odds + relations : 0) - options_.accept_log_odds;
+    }
     return total;
   }
 
@@ -678,7 +709,7 @@ class SceneSolver {
       part.object = item.h.object;
       part.stands_on = item.support_item < 0 ? -1 : items_[std::size_t(item.support_item)].part;
       part.views = ViewsThatSee(PlaceSolid(part.object, false), views_, int(views_.size()));
-      part.log_odds = shares[std::size_t(item.part)].log_odds;
+      part.log_odds = shares[std::size_t(item.part)].log_odds + Relations(i, accepted_);
       const auto rival = rivals_.find(i);
       if (rival != rivals_.end())
         part.runner_up =
