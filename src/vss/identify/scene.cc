@@ -41,7 +41,7 @@ struct Item {
   int support_item = -1;  // index into the items; -1: ground
   double top_mm = 0;
   int candidate = -1;  // of the ledger
-  double alone = NAN;  // log-odds with nothing else there; 0: it does not stand
+  double alone = NAN;  // log-odds before the choice; 0: it stands nowhere
   bool accepted = false;
   int part = -1;  // index among the accepted
 };
@@ -494,7 +494,11 @@ class SceneSolver {
     for (auto& item : items_)
       if (std::isnan(item.alone)) {
         const Ledger::Share share = ledger_.Alone(item.candidate);
-        item.alone = Stands(share, MostOfRelations(*item.h.object.model)) ? share.log_odds : 0;
+        const double relations = MostOfRelations(*item.h.object.model);
+        item.alone = Stands(share, relations) ? share.log_odds : 0;
+        // Alone, or beside the parts that were known when it was found: they may hide what is not seen of it.
+        if (item.h.log_odds + relations >= options_.accept_log_odds)
+          item.alone = std::max(item.alone, item.h.log_odds);
       }
   }
 
