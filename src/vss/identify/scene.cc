@@ -220,7 +220,9 @@ class SceneSolver {
     }
     std::vector<std::vector<Hypothesis>> by_template(templates_.size());
     ParallelFor(templates_.size(), threads_, [&](std::size_t i) {
-      if (!templates_[i].model->MayStandOn(on)) return;
+      // How a part lies less often is asked only of lines that nothing else explains.
+      if (!templates_[i].model->MayStandOn(on) || (templates_[i].resting_pose > 0 && known.claims.empty()))
+        return;
       by_template[i] = Seeds(templates_[i], context, z);
     });
     std::vector<std::pair<std::size_t, Hypothesis>> seeds;  // template, seed

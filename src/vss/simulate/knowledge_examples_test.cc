@@ -199,47 +199,5 @@ albedo = 0.45
   EXPECT_THAT(s->PartOf("plain")->features, testing::ElementsAre());
 }
 
-// How much the part's axis `axis` (0 x, 1 y, 2 z) points up.
-double Up(const Part& part, int axis) { return part.world_from_part.rotation(2, axis); }
-
-TEST_F(Examples, ABeamOnItsSideAFlatBracketAndAChannelWithItsFlangesDownSayHowTheyLie) {
-  const auto s = Survey(kLowRig, R"(["box", "i_beam", "bracket", "channel"])", R"(
-[[part]]
-id = "beam"
-kind = "i_beam"
-rests = "side"
-dimensions = { length = 600, width = 220, height = 320, web = 25, flange = 30 }
-position = [1000, 1100]
-yaw = 15
-albedo = 0.5
-[[part]]
-id = "bracket"
-kind = "bracket"
-rests = "flat"
-dimensions = { length = 400, height = 320, thickness = 40, nose = 80 }
-position = [850, 500]
-yaw = 40
-albedo = 0.45
-[[part]]
-id = "channel"
-kind = "channel"
-rests = "flanges_down"
-dimensions = { length = 500, width = 400, height = 280, web = 35, flange = 35 }
-position = [1650, 800]
-yaw = 70
-albedo = 0.5
-)");
-  ASSERT_TRUE(s) << s.error().message;
-  ExpectAllFound(*s);
-  const Part *beam = s->PartOf("beam"), *bracket = s->PartOf("bracket"), *channel = s->PartOf("channel");
-  ASSERT_TRUE(beam && bracket && channel);
-  EXPECT_EQ(beam->resting_pose, "side");
-  EXPECT_NEAR(std::abs(Up(*beam, 1)), 1, 0.01);
-  EXPECT_EQ(bracket->resting_pose, "flat");
-  EXPECT_NEAR(std::abs(Up(*bracket, 1)), 1, 0.01);
-  EXPECT_EQ(channel->resting_pose, "flanges_down");
-  EXPECT_NEAR(Up(*channel, 2), -1, 0.01);
-}
-
 }  // namespace
 }  // namespace vss
