@@ -59,6 +59,9 @@ std::string ClassOf(const WorldSolid& solid, const ContourSample& s, double lowe
   const auto& e = solid.edges[std::size_t(s.index)];
   const double top =
       std::max(solid.vertices[std::size_t(e.start)].point.z(), solid.vertices[std::size_t(e.end)].point.z());
+  const Eigen::Vector3d middle =
+      (solid.vertices[std::size_t(e.start)].point + solid.vertices[std::size_t(e.end)].point) / 2;
+  if (IsCovered(solid, middle)) return e.convex ? "covered" : "covered hollow";
   if (top < lowest + 1) return s.silhouette ? "contact" : "contact inner";
   if (!e.convex) return "hollow";
   return s.silhouette ? "outline" : "inner";

@@ -11,6 +11,26 @@
 #include "vss/identify/edge_response.h"
 
 namespace vss {
+
+bool IsCovered(const WorldSolid& solid, const Eigen::Vector3d& point) {
+  constexpr double kAboveMm = 1;  // faces that meet in the edge itself are no roof
+  for (const auto& f : solid.faces) {
+    if (f.is_cylinder || f.normal_in_part.z() > -0.5) continue;  // seen from below
+    for (const auto& t : f.triangles) {
+      const Eigen::Vector2d a = t[0].head<2>(), b = t[1].head<2>(), c = t[2].head<2>(), p = point.head<2>();
+      auto side = [](const Eigen::Vector2d& u, const Eigen::Vector2d& v, const Eigen::Vector2d& w) {
+        return (v - u).x() * (w - u).y() - (v - u).y() * (w - u).x();
+      };
+      const double s1 = side(a, b, p), s2 = side(b, c, p), s3 = side(c, a, p);
+      const double touch = 1e-6;
+      if (!((s1 >= -touch && s2 >= -touch && s3 >= -touch) || (s1 <= touch && s2 <= touch && s3 <= touch)))
+        continue;
+      if (std::max({t[0].z(), t[1].z(), t[2].z()}) > point.z() + kAboveMm) return true;
+    }
+  }
+  return false;
+}
+
 namespace {
 
 using Eigen::Vector2d;
@@ -19,6 +39,7 @@ using Eigen::Vector3d;
 // A contour that is there is found this often: an outline or convex edge, and one inside (concave).
 constexpr double kDetectStrong = 0.8;
 constexpr double kDetectWeak = 0.65;
+constexpr double kDetectCovered = 0.55;  // under a flange
 // Where a part touches its support both sides lie in the contact shadow.
 constexpr double kDetectContact = 0.7;
 // Without a line, what the grey values say: the logarithm of the odds that a contour is there, by the
@@ -100,11 +121,11 @@ double DetectOf(const WorldSolid& solid, ContourSample::Source source, int index
   if (std::max(solid.vertices[static_cast<std::size_t>(e.start)].point.z(),
                solid.vertices[static_cast<std::size_t>(e.end)].point.z()) < lowest_z + kContactMm)
     return kDetectContact;
+  const Vector3d middle = (solid.vertices[static_cast<std::size_t>(e.start)].point +
+                           solid.vertices[static_cast<std::size_t>(e.end)].point) /
+                          2;
+  if (IsCovered(solid, middle)) return kDetectCovered;
   return e.convex ? kDetectStrong : kDetectWeak;
-}
-
-bool IsWeak(const WorldSolid& solid, const ContourSample& s, double lowest_z) {
-  return DetectOf(solid, s.source, s.index, lowest_z) < kDetectStrong;
 }
 
 double StepLogOdds(double strength, bool weak) {
@@ -518,7 +539,7 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
         m.asked = response.has_value();
         if (response) {
           const double strength = std::abs(response->step) / scene.typical_step[std::size_t(v)];
-          m.step = StepLogOdds(strength, IsWeak(solid, s, lowest_z));
+          m.step = StepLogOdds(strength, out.contours[std::size_t(m.contour)].detect < kDetectStrong);
           m.empty = strength < kEmptyStep;
         }
       }

@@ -77,6 +77,9 @@ struct WeighOptions {
   double prior_log_odds = 0;
 };
 
+// Does the solid itself roof over the point, as a flange the web below it? Little light gets there.
+bool IsCovered(const WorldSolid& solid, const Eigen::Vector3d& point_in_world);
+
 // The contour of a solid held against the pictures, sample by sample, before it is decided what hides it and
 // whose the lines are.
 struct MeasuredContours {
