@@ -100,6 +100,7 @@ class SceneSolver {
                        [&](const WorldLine& known) { return Same(known, l); }))
         lines_.push_back(l);
     std::erase_if(lines_, [&](const WorldLine& l) { return MovesWithLamps(l, views_); });
+    for (const auto& l : lines_) shown_.push_back(WellShown(l));
     circles_ = FindWorldCircles(views_, line_options);
     progress_.Report("world lines", 1, 1);
   }
@@ -122,7 +123,7 @@ class SceneSolver {
  private:
   static constexpr int kGround = -1;
   static constexpr double kBarely =
-      5;  // natural logarithm of the odds: as good as nothing between two readings
+      10;  // natural logarithm of the odds: as good as nothing between two readings
   static constexpr double kClearly = 1e-6;
   // Parts touch that are no farther apart than places are unsure by before reconstruction; what relations ask
   // about is not farther than this.
@@ -152,6 +153,16 @@ class SceneSolver {
     return (a.start - (turned ? b.end : b.start)).norm() < 2 * near &&
            (a.end - (turned ? b.start : b.end)).norm() < 2 * near &&
            a.Unit().cross(b.start - a.start).norm() < near;
+  }
+
+  // Is it found in a fair share of the pictures that look at it? Two pictures agree on many a line of
+  // texture; an edge that starts a part is seen more often, though other parts hide it from some.
+  bool WellShown(const WorldLine& l) const {
+    constexpr double kLeastShare = 0.25;
+    const Vector3d middle = (l.start + l.end) / 2;
+    const auto lookers =
+        std::count_if(views_.begin(), views_.end(), [&](const View& v) { return v.Shows(middle); });
+    return l.num_views >= kLeastShare * double(lookers);
   }
 
   // How far lines lie from their edges, as the edges of the world tell.
@@ -203,10 +214,10 @@ class SceneSolver {
                      [&](const KindTemplate& t) { return t.model->MayStandOn(on); }))
       return;
     std::vector<WorldLine> lines;
-    for (const auto& l : lines_)
-      if ((support < 0 || Above(l, items_[std::size_t(support)])) &&
-          (known.claims.empty() || !Explains(known.claims, l)))
-        lines.push_back(l);
+    for (std::size_t i = 0; i < lines_.size(); ++i)
+      if (shown_[i] && (support < 0 || Above(lines_[i], items_[std::size_t(support)])) &&
+          (known.claims.empty() || !Explains(known.claims, lines_[i])))
+        lines.push_back(lines_[i]);
     std::vector<WorldCircle> circles;
     for (const auto& c : circles_)
       if (known.claims.empty() || !known.claims[std::size_t(c.arcs[0].view)][ChordOf(c.arcs[0])])
@@ -465,9 +476,24 @@ class SceneSolver {
     const auto it = conflicts_.find(key);
     if (it != conflicts_.end()) return it->second;
     const bool is = SharedVolume(items_[std::size_t(a)].volume, items_[std::size_t(b)].volume, kTouchMm) >
-                    kMaxSharedVolume;
+                        kMaxSharedVolume ||
+                    ShareRim(a, b);
     conflicts_[key] = is;
     return is;
+  }
+
+  // Have both the same round edge? The rim of a hole is no pipe's that stands in it, nor a pipe's foot a
+  // hole's rim.
+  bool ShareRim(int a, int b) const {
+    constexpr double kSamePx = 1.5;
+    if (!items_[std::size_t(a)].volume.box.intersects(items_[std::size_t(b)].volume.box)) return false;
+    const WorldSolid one = SolidOf(a), other = SolidOf(b);
+    for (const auto& c : one.circles)
+      for (const auto& d : other.circles)
+        if ((c.center.point - d.center.point).norm() + std::abs(c.radius_mm - d.radius_mm) <
+            kSamePx * mm_per_px_)
+          return true;
+    return false;
   }
 
   // What stands on item `i`'s supports, they included, that `accepted` lacks: `i` first.
@@ -758,6 +784,7 @@ class SceneSolver {
   Ledger ledger_{scene_};
   double mm_per_px_ = 1;
   std::vector<WorldLine> lines_;
+  std::vector<bool> shown_;  // of each line: WellShown()
   std::vector<WorldCircle> circles_;
   std::vector<Item> items_;
   std::vector<int> accepted_;

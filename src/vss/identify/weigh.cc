@@ -290,9 +290,17 @@ struct Numbering {
 };
 
 struct Hit {
-  int contour, line, sample;
+  int contour, line, sample;  // line: where an arc was hit all of it, see HitOf()
   double distance, along;
 };
+
+// All chords of an arc are one line, along which one goes by the circle's own angle.
+Hit HitOf(const LineHit& hit, const ContourSample& s, int contour, int sample, const LineIndex& index) {
+  const auto& l = index.lines()[std::size_t(hit.line)];
+  const bool round = l.arc >= 0 && s.source == ContourSample::Source::kCircle && s.t_step > 0;
+  return {contour, l.arc < 0 ? hit.line : index.num_segments() + l.arc, sample, std::abs(hit.distance_px),
+          round ? s.t / s.t_step * s.step_px : (s.ideal - l.start).dot(l.direction)};
+}
 
 // A line that lies on two predicted contours speaks for the nearer one only. The other is marked: 1, neither
 // found nor missed (the two are too close to be told apart in the picture), or 2, missed.
@@ -493,7 +501,7 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
                                  .max_samples = options.max_samples,
                                  .img = options.grey};
   std::vector<Hit> hits;
-  std::vector<int> lost;
+  std::vector<int> lost, lines;  // lines: of the picture's index, by hit
   for (int v : views) {
     const GreyView& picture = scene.views[std::size_t(v)].picture;
     const bool grey = options.grey && picture.data != nullptr;
@@ -502,15 +510,15 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
     MeasuredContours::InView in_view;
     in_view.view = v;
     hits.clear();
+    lines.clear();
     lost.assign(samples.size(), 0);
     for (std::size_t i = 0; i < samples.size(); ++i) {
       const auto& s = samples[i];
       if (!s.visible || out.contours[std::size_t(numbering.Of(s))].weight <= 0) continue;
       const LineHit hit = scene.Match(v, s, scene.tolerance_px, kMinCosine);
       if (hit.line < 0) continue;
-      const auto& l = index.lines()[std::size_t(hit.line)];
-      hits.push_back({numbering.Of(s), hit.line, int(i), std::abs(hit.distance_px),
-                      (s.ideal - l.start).dot(l.direction)});
+      hits.push_back(HitOf(hit, s, numbering.Of(s), int(i), index));
+      lines.push_back(hit.line);
     }
     Share(hits, samples, lost);
     in_view.crowded = NearestParallel(samples, numbering);
@@ -520,7 +528,7 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
       const bool is_hit = next_hit < hits.size() && hits[next_hit].sample == int(i);
       MeasuredContours::Sample m;
       if (is_hit) {
-        m.line = hits[next_hit].line;
+        m.line = lines[next_hit];
         m.distance_px = hits[next_hit].distance;
         m.along_px = hits[next_hit++].along;
       }
@@ -731,9 +739,7 @@ FitToLinesResult FitToLines(PlacedObject& object, std::span<const int> views, co
         if (!s.visible) continue;
         const LineHit hit = scene.Match(v, s, reach, 0.99);
         if (hit.line < 0) continue;
-        const auto& l = index.lines()[std::size_t(hit.line)];
-        hits.push_back({numbering.Of(s), hit.line, int(i), std::abs(hit.distance_px),
-                        (s.ideal - l.start).dot(l.direction)});
+        hits.push_back(HitOf(hit, s, numbering.Of(s), int(i), index));
         signed_distance.push_back(hit.distance_px);
       }
       lost.assign(samples.size(), 0);
