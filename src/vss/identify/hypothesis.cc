@@ -851,6 +851,8 @@ void RefineAndWeigh(Hypothesis& h, const SeedContext& context) {
   const double tolerance = context.scene.tolerance_px;
   const PlacedObject start = h.object;
   h.log_odds = weigh(start);
+  constexpr double kHopeless = -60;  // no fit within a few pixels brings that much
+  if (h.log_odds < kHopeless) return;
   // A wide reach forgives a poor start, a narrow one is not led astray by neighbours: what explains most is
   // kept.
   for (double reach : {3.0, 2.0, 1.0}) {

@@ -6,6 +6,7 @@
 #include <map>
 #include <numeric>
 #include <optional>
+#include <set>
 
 #include "vss/base/parallel.h"
 #include "vss/identify/hypothesis.h"
@@ -400,6 +401,7 @@ class SceneSolver {
         item.h = std::move(h);
         other = std::move(item);
         conflicts_.clear();
+        reseated_.clear();
       }
       return;
     }
@@ -440,7 +442,7 @@ class SceneSolver {
             (above.volume.box.max().head<2>().array() > below.volume.box.max().head<2>().array() + slack)
                 .any())
           continue;
-        pairs.push_back({i, plate});
+        if (reseated_.insert({i, plate}).second) pairs.push_back({i, plate});
       }
     }
     std::vector<std::optional<Hypothesis>> seated(pairs.size());
@@ -788,7 +790,8 @@ class SceneSolver {
   std::vector<WorldCircle> circles_;
   std::vector<Item> items_;
   std::vector<int> accepted_;
-  std::map<std::pair<int, int>, bool> conflicts_;  // of items, by index
+  std::map<std::pair<int, int>, bool> conflicts_;           // of items, by index
+  std::set<std::pair<std::size_t, std::size_t>> reseated_;  // items tried on plates: what, on what
   struct Rival {
     int item;
     double loss;
