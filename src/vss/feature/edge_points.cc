@@ -193,28 +193,12 @@ constexpr double kMeanAbsNormal = 0.7978845608028654;  // E|x| of a standard nor
 constexpr double kMeanAbsSum = 2 * kMeanAbsNormal;     // E(|x| + |y|) of two standard normals
 constexpr double kQuietShare = 0.3;  // of a tile's blocks: edges may cross seven tenths of them
 
-constexpr int kMostRanked = 16;  // a tile's blocks, or the tiles around one
-static_assert(kTileBlocks <= kMostRanked);
-
-// The quantile of up to kMostRanked values, 0 of none: that whose rank it is,
-// found by counting.
-float Quantile(const float* values, int count, double share) {
-  if (count == 0) return 0;
-  const int wanted = static_cast<int>(share * count);
-  float padded[kMostRanked];
-  std::fill(std::copy_n(values, count, padded), padded + kMostRanked, std::numeric_limits<float>::max());
-  for (int i = 0; i < count; ++i) {
-    int below = 0, not_above = 0;
-    for (int j = 0; j < kMostRanked; ++j) below += padded[j] < padded[i], not_above += padded[j] <= padded[i];
-    if (below <= wanted && wanted < not_above) return padded[i];
-  }
-  return padded[0];
-}
+static_assert(kTileBlocks <= TileValues::kRanked);
 
 // Means of a row's blocks go to the tiles that they lie in; those of the first
 // and last `border` pixels count for nothing.
 template <class Value>
-void CollectBlocks(const Value* values, int width, int border, int place, std::vector<float>& blocks) {
+void CollectBlocks(const Value* values, int width, int border, int place, TileValues& blocks) {
   for (int u0 = 0, i = 0; u0 < width; u0 += kBlockPx, ++i) {
     const int begin = std::max(u0, border), end = std::min(u0 + kBlockPx, width - border);
     std::int32_t sum = 0;
@@ -226,38 +210,35 @@ void CollectBlocks(const Value* values, int width, int border, int place, std::v
       for (int u = begin; u < end; ++u) total += values[u];
     }
     constexpr int kPerRow = NoiseMap::kTilePx / kBlockPx;
-    blocks[std::size_t(i / kPerRow) * kTileBlocks + place * kPerRow + i % kPerRow] =
-        end > begin ? static_cast<float>(total) / (end - begin) : -1.0f;
+    if (end > begin)
+      blocks.At(place * kPerRow + i % kPerRow, i / kPerRow) = static_cast<float>(total) / (end - begin);
   }
 }
 
-// Ends a row of tiles. `rows`: how many of the tiles' sampled rows there were.
-void AppendQuantiles(std::vector<float>& blocks, int rows, int columns, double share, double per_sigma,
+// Ends a row of tiles.
+void AppendQuantiles(const TileValues& blocks, double share, double per_sigma, std::vector<float>& of_row,
                      std::vector<float>& raw) {
-  constexpr int kPerRow = NoiseMap::kTilePx / kBlockPx;
-  for (int x = 0; x < columns; ++x) {
-    float* begin = &blocks[std::size_t(x) * kTileBlocks];
-    float* end = std::remove(begin, begin + rows * kPerRow, -1.0f);
-    const bool none = end == begin;
-    raw.push_back(none && !raw.empty() ? raw.back()
-                                       : Quantile(begin, static_cast<int>(end - begin), share) /
-                                             static_cast<float>(none ? 1 : per_sigma));
+  TileQuantiles(blocks, share, of_row);
+  for (const float mean : of_row) {
+    const bool none = mean == TileValues::kNoValue;
+    const float before = raw.empty() ? 0.0f : raw.back();
+    raw.push_back(none ? before : mean / static_cast<float>(per_sigma));
   }
 }
 
 // The median over the 3x3 tiles around each, not below `floor`.
-void MedianOfTiles(const std::vector<float>& raw, int columns, int rows, float floor,
+void MedianOfTiles(const std::vector<float>& raw, int columns, int rows, float floor, EdgeBuffers& b,
                    std::vector<float>& out) {
-  out.resize(raw.size());
-  for (int y = 0; y < rows; ++y)
-    for (int x = 0; x < columns; ++x) {
-      float around[9];
-      int n = 0;
-      for (int j = std::max(0, y - 1); j <= std::min(rows - 1, y + 1); ++j)
-        for (int i = std::max(0, x - 1); i <= std::min(columns - 1, x + 1); ++i)
-          around[n++] = raw[std::size_t(j) * columns + i];
-      out[std::size_t(y) * columns + x] = std::max(floor, Quantile(around, n, 0.5));
-    }
+  out.clear();
+  for (int y = 0; y < rows; ++y) {
+    b.around.Clear(columns);
+    for (int j = std::max(0, y - 1); j <= std::min(rows - 1, y + 1); ++j)
+      for (int i = -1; i <= 1; ++i)
+        for (int x = std::max(0, -i); x < std::min(columns, columns - i); ++x)
+          b.around.At(3 * (j - y + 1) + i + 1, x) = raw[std::size_t(j) * columns + x + i];
+    TileQuantiles(b.around, 0.5, b.of_row);
+    for (const float median : b.of_row) out.push_back(std::max(floor, median));
+  }
 }
 
 template <class Pixel>
@@ -267,8 +248,7 @@ void MeasureTiles(const GreyView& image, EdgeBuffers& b, const NoiseMap& noise) 
   const Rows<Value> r = Layout<Value>(b, image.width);
   b.raw_sigma.clear(), b.raw_texture.clear();
   for (int y = 0; y < noise.rows; ++y) {
-    const std::size_t size = std::size_t(noise.columns) * kTileBlocks;
-    b.noise_blocks.assign(size, -1.0f), b.texture_blocks.assign(size, -1.0f);
+    b.noise_blocks.Clear(noise.columns), b.texture_blocks.Clear(noise.columns);
     int place = 0;
     for (int v = y * NoiseMap::kTilePx + 2; v < std::min((y + 1) * NoiseMap::kTilePx, image.height - 1);
          v += kBlockRowStep, ++place) {
@@ -278,15 +258,15 @@ void MeasureTiles(const GreyView& image, EdgeBuffers& b, const NoiseMap& noise) 
       GradientRow(image, filter, r, v, 0);
       CollectBlocks(r.magnitude[0], image.width, kBorderPx, place, b.texture_blocks);
     }
-    AppendQuantiles(b.noise_blocks, place, noise.columns, 0.5, kMaskNorm * kMeanAbsNormal, b.raw_sigma);
-    AppendQuantiles(b.texture_blocks, place, noise.columns, kQuietShare, kMeanAbsSum, b.raw_texture);
+    AppendQuantiles(b.noise_blocks, 0.5, kMaskNorm * kMeanAbsNormal, b.of_row, b.raw_sigma);
+    AppendQuantiles(b.texture_blocks, kQuietShare, kMeanAbsSum, b.of_row, b.raw_texture);
   }
 }
 
 // ---- maxima of the gradient, row by row ----
 
-// Edge points weaker than so many sigmas of the texture around them wander with
-// it and make no lines.
+// Edge points weaker than so many sigmas of the texture around them wander with it and make no lines: of
+// texture alone no more than one pixel in twenty is stronger.
 constexpr double kTextureSigmas = 2.5;
 
 template <class Value>
@@ -391,8 +371,8 @@ void EstimateNoise(const GreyView& image, float min_sigma, EdgeBuffers& b, Noise
     MeasureTiles<std::uint8_t>(image, b, noise);
   else
     MeasureTiles<std::uint16_t>(image, b, noise);
-  MedianOfTiles(b.raw_sigma, noise.columns, noise.rows, min_sigma, noise.sigma);
-  MedianOfTiles(b.raw_texture, noise.columns, noise.rows, 0, noise.texture);
+  MedianOfTiles(b.raw_sigma, noise.columns, noise.rows, min_sigma, b, noise.sigma);
+  MedianOfTiles(b.raw_texture, noise.columns, noise.rows, 0, b, noise.texture);
   for (std::size_t i = 0; i < noise.texture.size(); ++i)
     noise.texture[i] = std::max(noise.texture[i], static_cast<float>(kGradientNoise * noise.sigma[i]));
   const auto middle = b.raw_sigma.begin() + std::ptrdiff_t(b.raw_sigma.size() / 2);
