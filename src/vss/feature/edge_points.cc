@@ -9,67 +9,66 @@
 namespace vss {
 namespace {
 
-constexpr int kPad = 2; // the filter's reach
-constexpr int kBorderPx =
-    2; // points nearer to the border would be made of repeated pixels
+constexpr int kPad = 2;       // the filter's reach
+constexpr int kBorderPx = 2;  // points nearer to the border would be made of repeated pixels
 
-template <class Pixel> const Pixel *Row(const GreyView &image, int v) {
-  return reinterpret_cast<const Pixel *>(
-      static_cast<const std::uint8_t *>(image.data) + v * image.stride_bytes);
+template <class Pixel>
+const Pixel* Row(const GreyView& image, int v) {
+  return reinterpret_cast<const Pixel*>(static_cast<const std::uint8_t*>(image.data) +
+                                        v * image.stride_bytes);
 }
 
 // ---- filters of one row ----
 
 // For 8 bit pixels all values fit 16 bits: |gx|, |gy| <= 48 * 255.
-template <class Pixel> struct Filter;
-template <> struct Filter<std::uint8_t> { using Value = std::int16_t; };
-template <> struct Filter<std::uint16_t> { using Value = std::int32_t; };
+template <class Pixel>
+struct Filter;
+template <>
+struct Filter<std::uint8_t> {
+  using Value = std::int16_t;
+};
+template <>
+struct Filter<std::uint16_t> {
+  using Value = std::int32_t;
+};
 
-template <class Value> [[gnu::always_inline]] inline Value Abs(Value x) {
+template <class Value>
+[[gnu::always_inline]] inline Value Abs(Value x) {
   return x < 0 ? Value(-x) : x;
 }
 
 // |response| to the mask (1 -2 1)^T (1 -2 1), which is blind to straight edges
 // along the axes and to shading.
 template <class Pixel, class Value>
-[[gnu::always_inline]] inline void
-FilterMask(const Pixel *__restrict up, const Pixel *__restrict mid,
-           const Pixel *__restrict down, int width, Value *__restrict bend,
-           Value *__restrict out) {
-  for (int u = 0; u < width; ++u)
-    bend[u] = Value(Value(up[u]) - 2 * Value(mid[u]) + Value(down[u]));
+[[gnu::always_inline]] inline void FilterMask(const Pixel* __restrict up, const Pixel* __restrict mid,
+                                              const Pixel* __restrict down, int width, Value* __restrict bend,
+                                              Value* __restrict out) {
+  for (int u = 0; u < width; ++u) bend[u] = Value(Value(up[u]) - 2 * Value(mid[u]) + Value(down[u]));
   out[0] = out[width - 1] = 0;
-  for (int u = 1; u < width - 1; ++u)
-    out[u] = Abs(Value(bend[u - 1] - 2 * bend[u] + bend[u + 1]));
+  for (int u = 1; u < width - 1; ++u) out[u] = Abs(Value(bend[u - 1] - 2 * bend[u] + bend[u + 1]));
 }
 
 template <class Pixel, class Value>
-[[gnu::always_inline]] inline void FilterDown(const Pixel *const *r, int width,
-                                              Value *__restrict smooth,
-                                              Value *__restrict slope) {
-  const Pixel *__restrict a = r[0];
-  const Pixel *__restrict b = r[1];
-  const Pixel *__restrict c = r[2];
-  const Pixel *__restrict d = r[3];
-  const Pixel *__restrict e = r[4];
+[[gnu::always_inline]] inline void FilterDown(const Pixel* const* r, int width, Value* __restrict smooth,
+                                              Value* __restrict slope) {
+  const Pixel* __restrict a = r[0];
+  const Pixel* __restrict b = r[1];
+  const Pixel* __restrict c = r[2];
+  const Pixel* __restrict d = r[3];
+  const Pixel* __restrict e = r[4];
   for (int u = 0; u < width; ++u) {
-    smooth[u] = Value(Value(a[u]) + Value(e[u]) +
-                      4 * (Value(b[u]) + Value(d[u])) + 6 * Value(c[u]));
-    slope[u] =
-        Value(Value(e[u]) - Value(a[u]) + 2 * (Value(d[u]) - Value(b[u])));
+    smooth[u] = Value(Value(a[u]) + Value(e[u]) + 4 * (Value(b[u]) + Value(d[u])) + 6 * Value(c[u]));
+    slope[u] = Value(Value(e[u]) - Value(a[u]) + 2 * (Value(d[u]) - Value(b[u])));
   }
 }
 
 template <class Value>
-[[gnu::always_inline]] inline void
-FilterAcross(const Value *__restrict smooth, const Value *__restrict slope,
-             int width, Value *__restrict gx, Value *__restrict gy,
-             Value *__restrict magnitude) {
+[[gnu::always_inline]] inline void FilterAcross(const Value* __restrict smooth, const Value* __restrict slope,
+                                                int width, Value* __restrict gx, Value* __restrict gy,
+                                                Value* __restrict magnitude) {
   for (int u = 0; u < width; ++u) {
-    const Value x = Value(smooth[u + 2] - smooth[u - 2] +
-                          2 * (smooth[u + 1] - smooth[u - 1]));
-    const Value y = Value(slope[u - 2] + slope[u + 2] +
-                          4 * (slope[u - 1] + slope[u + 1]) + 6 * slope[u]);
+    const Value x = Value(smooth[u + 2] - smooth[u - 2] + 2 * (smooth[u + 1] - smooth[u - 1]));
+    const Value y = Value(slope[u - 2] + slope[u + 2] + 4 * (slope[u - 1] + slope[u + 1]) + 6 * slope[u]);
     gx[u] = x;
     gy[u] = y;
     magnitude[u] = Value(Abs(x) + Abs(y));
@@ -82,78 +81,66 @@ FilterAcross(const Value *__restrict smooth, const Value *__restrict slope,
 // edge's profile they are proportional. 7/8 max + 1/2 min stands for it at the
 // threshold: within 3 %.
 template <class Value>
-[[gnu::always_inline]] inline void
-FlagMaxima(const Value *__restrict up, const Value *__restrict mid,
-           const Value *__restrict down, const Value *__restrict gx,
-           const Value *__restrict gy, const Value *__restrict threshold,
-           int width, std::uint8_t *__restrict flags) {
+[[gnu::always_inline]] inline void FlagMaxima(const Value* __restrict up, const Value* __restrict mid,
+                                              const Value* __restrict down, const Value* __restrict gx,
+                                              const Value* __restrict gy, const Value* __restrict threshold,
+                                              int width, std::uint8_t* __restrict flags) {
   for (int u = 0; u < width; ++u) {
     const Value x = Abs(gx[u]), y = Abs(gy[u]);
     const Value large = x >= y ? x : y, small = x >= y ? y : x;
     const Value length = Value(large - (large >> 3) + (small >> 1));
-    const Value left = mid[u - 1], right = mid[u + 1], above = up[u],
-                below = down[u], here = mid[u];
+    const Value left = mid[u - 1], right = mid[u + 1], above = up[u], below = down[u], here = mid[u];
     const Value before = x >= y ? left : above, after = x >= y ? right : below;
-    flags[u] =
-        (length > threshold[u]) & (here > before) & (here >= after) ? 1 : 0;
+    flags[u] = (length > threshold[u]) & (here > before) & (here >= after) ? 1 : 0;
   }
 }
 
-template <class Pixel, class Value> struct RowFunctions {
-  void (*mask)(const Pixel *, const Pixel *, const Pixel *, int, Value *,
-               Value *);
-  void (*down)(const Pixel *const *, int, Value *, Value *);
-  void (*across)(const Value *, const Value *, int, Value *, Value *, Value *);
-  void (*flag)(const Value *, const Value *, const Value *, const Value *,
-               const Value *, const Value *, int, std::uint8_t *);
+template <class Pixel, class Value>
+struct RowFunctions {
+  void (*mask)(const Pixel*, const Pixel*, const Pixel*, int, Value*, Value*);
+  void (*down)(const Pixel* const*, int, Value*, Value*);
+  void (*across)(const Value*, const Value*, int, Value*, Value*, Value*);
+  void (*flag)(const Value*, const Value*, const Value*, const Value*, const Value*, const Value*, int,
+               std::uint8_t*);
 };
 
-#define VSS_ROW_FUNCTIONS(NAME, ATTRIBUTE)                                     \
-  template <class Pixel, class Value> struct NAME {                            \
-    ATTRIBUTE static void Mask(const Pixel *a, const Pixel *b, const Pixel *c, \
-                               int w, Value *t, Value *o) {                    \
-      FilterMask<Pixel, Value>(a, b, c, w, t, o);                              \
-    }                                                                          \
-    ATTRIBUTE static void Down(const Pixel *const *r, int w, Value *s,         \
-                               Value *d) {                                     \
-      FilterDown<Pixel, Value>(r, w, s, d);                                    \
-    }                                                                          \
-    ATTRIBUTE static void Across(const Value *s, const Value *d, int w,        \
-                                 Value *x, Value *y, Value *m) {               \
-      FilterAcross<Value>(s, d, w, x, y, m);                                   \
-    }                                                                          \
-    ATTRIBUTE static void Flag(const Value *a, const Value *b, const Value *c, \
-                               const Value *x, const Value *y, const Value *t, \
-                               int w, std::uint8_t *f) {                       \
-      FlagMaxima<Value>(a, b, c, x, y, t, w, f);                               \
-    }                                                                          \
-    static RowFunctions<Pixel, Value> Get() {                                  \
-      return {Mask, Down, Across, Flag};                                       \
-    }                                                                          \
+#define VSS_ROW_FUNCTIONS(NAME, ATTRIBUTE)                                                                  \
+  template <class Pixel, class Value>                                                                       \
+  struct NAME {                                                                                             \
+    ATTRIBUTE static void Mask(const Pixel* a, const Pixel* b, const Pixel* c, int w, Value* t, Value* o) { \
+      FilterMask<Pixel, Value>(a, b, c, w, t, o);                                                           \
+    }                                                                                                       \
+    ATTRIBUTE static void Down(const Pixel* const* r, int w, Value* s, Value* d) {                          \
+      FilterDown<Pixel, Value>(r, w, s, d);                                                                 \
+    }                                                                                                       \
+    ATTRIBUTE static void Across(const Value* s, const Value* d, int w, Value* x, Value* y, Value* m) {     \
+      FilterAcross<Value>(s, d, w, x, y, m);                                                                \
+    }                                                                                                       \
+    ATTRIBUTE static void Flag(const Value* a, const Value* b, const Value* c, const Value* x,              \
+                               const Value* y, const Value* t, int w, std::uint8_t* f) {                    \
+      FlagMaxima<Value>(a, b, c, x, y, t, w, f);                                                            \
+    }                                                                                                       \
+    static RowFunctions<Pixel, Value> Get() { return {Mask, Down, Across, Flag}; }                          \
   }
 VSS_ROW_FUNCTIONS(Portable, );
 #if defined(__x86_64__)
 VSS_ROW_FUNCTIONS(Avx2, __attribute__((target("avx2"))));
-VSS_ROW_FUNCTIONS(Avx512,
-                  __attribute__((target(
-                      "avx512f,avx512bw,avx512vl,prefer-vector-width=512"))));
+VSS_ROW_FUNCTIONS(Avx512, __attribute__((target("avx512f,avx512bw,avx512vl,prefer-vector-width=512"))));
 #endif
 #undef VSS_ROW_FUNCTIONS
 
 template <class Pixel, class Value>
 RowFunctions<Pixel, Value> Choose([[maybe_unused]] Simd simd) {
 #if defined(__x86_64__)
-  const bool avx512 =
-      __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl");
-  if (avx512 && (simd == Simd::kBest || simd == Simd::kAvx512))
-    return Avx512<Pixel, Value>::Get();
-  if (__builtin_cpu_supports("avx2") && simd != Simd::kPortable)
-    return Avx2<Pixel, Value>::Get();
+  const bool avx512 = __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl");
+  if (avx512 && (simd == Simd::kBest || simd == Simd::kAvx512)) return Avx512<Pixel, Value>::Get();
+  if (__builtin_cpu_supports("avx2") && simd != Simd::kPortable) return Avx2<Pixel, Value>::Get();
 #endif
   return Portable<Pixel, Value>::Get();
 }
 
-template <class Value> void Replicate(Value *row, int width) {
+template <class Value>
+void Replicate(Value* row, int width) {
   for (int i = 1; i <= kPad; ++i) {
     row[-i] = row[0];
     row[width - 1 + i] = row[width - 1];
@@ -161,223 +148,170 @@ template <class Value> void Replicate(Value *row, int width) {
 }
 
 // Rows of gradient in a ring of three.
-template <class Value> struct Rows {
+template <class Value>
+struct Rows {
   Value *smooth, *slope, *threshold;
   Value *gx[3], *gy[3], *magnitude[3];
 };
 
-template <class Value> Rows<Value> Layout(EdgeBuffers &buffers, int width) {
+template <class Value>
+Rows<Value> Layout(EdgeBuffers& buffers, int width) {
   constexpr int kRows = 12;
   const std::size_t stride = std::size_t(width) + 2 * kPad + 64 / sizeof(Value);
   buffers.rows.resize((stride * kRows * sizeof(Value) + 3) / 4);
-  Value *at = reinterpret_cast<Value *>(buffers.rows.data()) + kPad;
+  Value* at = reinterpret_cast<Value*>(buffers.rows.data()) + kPad;
   auto next = [&] {
-    Value *row = at;
+    Value* row = at;
     at += stride;
     return row;
   };
   Rows<Value> r;
   r.smooth = next(), r.slope = next(), r.threshold = next();
-  for (int i = 0; i < 3; ++i)
-    r.gx[i] = next(), r.gy[i] = next(), r.magnitude[i] = next();
+  for (int i = 0; i < 3; ++i) r.gx[i] = next(), r.gy[i] = next(), r.magnitude[i] = next();
   return r;
 }
 
 template <class Pixel, class Value>
-void GradientRow(const GreyView &image,
-                 const RowFunctions<Pixel, Value> &filter, const Rows<Value> &r,
-                 int v, int slot) {
-  const Pixel *rows[5];
-  for (int i = 0; i < 5; ++i)
-    rows[i] = Row<Pixel>(image, std::clamp(v + i - 2, 0, image.height - 1));
+void GradientRow(const GreyView& image, const RowFunctions<Pixel, Value>& filter, const Rows<Value>& r, int v,
+                 int slot) {
+  const Pixel* rows[5];
+  for (int i = 0; i < 5; ++i) rows[i] = Row<Pixel>(image, std::clamp(v + i - 2, 0, image.height - 1));
   filter.down(rows, image.width, r.smooth, r.slope);
   Replicate(r.smooth, image.width);
   Replicate(r.slope, image.width);
-  filter.across(r.smooth, r.slope, image.width, r.gx[slot], r.gy[slot],
-                r.magnitude[slot]);
+  filter.across(r.smooth, r.slope, image.width, r.gx[slot], r.gy[slot], r.magnitude[slot]);
 }
 
 // ---- noise and texture: how large mask and gradient are where no edges are
 // ----
 
-constexpr int kBlockPx = 16;     // pixels of a block, along a row
-constexpr int kBlockRowStep = 4; // every fourth row is looked at
-constexpr int kTileBlocks =
-    NoiseMap::kTilePx / kBlockPx * (NoiseMap::kTilePx / kBlockRowStep);
-constexpr double kMaskNorm = 6.0; // root of the mask's sum of squares
-constexpr double kMeanAbsNormal =
-    0.7978845608028654; // E|x| of a standard normal
-constexpr double kMeanAbsSum =
-    2 * kMeanAbsNormal; // E(|x| + |y|) of two standard normals
-constexpr double kQuietShare =
-    0.3; // of a tile's blocks: edges may cross seven tenths of them
+constexpr int kBlockPx = 16;      // pixels of a block, along a row
+constexpr int kBlockRowStep = 4;  // every fourth row is looked at
+constexpr int kTileBlocks = NoiseMap::kTilePx / kBlockPx * (NoiseMap::kTilePx / kBlockRowStep);
+constexpr double kMaskNorm = 6.0;                      // root of the mask's sum of squares
+constexpr double kMeanAbsNormal = 0.7978845608028654;  // E|x| of a standard normal
+constexpr double kMeanAbsSum = 2 * kMeanAbsNormal;     // E(|x| + |y|) of two standard normals
+constexpr double kQuietShare = 0.3;  // of a tile's blocks: edges may cross seven tenths of them
 
-constexpr int kMostRanked = 16; // a tile's blocks, or the tiles around one
-static_assert(kTileBlocks <= kMostRanked);
-
-// The quantile of up to kMostRanked values, 0 of none: that whose rank it is,
-// found by counting.
-float Quantile(const float *values, int count, double share) {
-  if (count == 0)
-    return 0;
-  const int wanted = static_cast<int>(share * count);
-  float padded[kMostRanked];
-  std::fill(std::copy_n(values, count, padded), padded + kMostRanked,
-            std::numeric_limits<float>::max());
-  for (int i = 0; i < count; ++i) {
-    int below = 0, not_above = 0;
-    for (int j = 0; j < kMostRanked; ++j)
-      below += padded[j] < padded[i], not_above += padded[j] <= padded[i];
-    if (below <= wanted && wanted < not_above)
-      return padded[i];
-  }
-  return padded[0];
-}
+static_assert(kTileBlocks <= TileValues::kRanked);
 
 // Means of a row's blocks go to the tiles that they lie in; those of the first
 // and last `border` pixels count for nothing.
 template <class Value>
-void CollectBlocks(const Value *values, int width, int border, int place,
-                   std::vector<float> &blocks) {
+void CollectBlocks(const Value* values, int width, int border, int place, TileValues& blocks) {
   for (int u0 = 0, i = 0; u0 < width; u0 += kBlockPx, ++i) {
-    const int begin = std::max(u0, border),
-              end = std::min(u0 + kBlockPx, width - border);
+    const int begin = std::max(u0, border), end = std::min(u0 + kBlockPx, width - border);
     std::int32_t sum = 0;
     std::int64_t total = 0;
     if constexpr (sizeof(Value) == 2) {
-      for (int u = begin; u < end; ++u)
-        sum += values[u];
+      for (int u = begin; u < end; ++u) sum += values[u];
       total = sum;
     } else {
-      for (int u = begin; u < end; ++u)
-        total += values[u];
+      for (int u = begin; u < end; ++u) total += values[u];
     }
     constexpr int kPerRow = NoiseMap::kTilePx / kBlockPx;
-    blocks[std::size_t(i / kPerRow) * kTileBlocks + place * kPerRow +
-           i % kPerRow] =
-        end > begin ? static_cast<float>(total) / (end - begin) : -1.0f;
+    if (end > begin)
+      blocks.At(place * kPerRow + i % kPerRow, i / kPerRow) = static_cast<float>(total) / (end - begin);
   }
 }
 
-// Ends a row of tiles. `rows`: how many of the tiles' sampled rows there were.
-void AppendQuantiles(std::vector<float> &blocks, int rows, int columns,
-                     double share, double per_sigma, std::vector<float> &raw) {
-  constexpr int kPerRow = NoiseMap::kTilePx / kBlockPx;
-  for (int x = 0; x < columns; ++x) {
-    float *begin = &blocks[std::size_t(x) * kTileBlocks];
-    float *end = std::remove(begin, begin + rows * kPerRow, -1.0f);
-    const bool none = end == begin;
-    raw.push_back(none && !raw.empty()
-                      ? raw.back()
-                      : Quantile(begin, static_cast<int>(end - begin), share) /
-                            static_cast<float>(none ? 1 : per_sigma));
+// Ends a row of tiles.
+void AppendQuantiles(const TileValues& blocks, double share, double per_sigma, std::vector<float>& of_row,
+                     std::vector<float>& raw) {
+  TileQuantiles(blocks, share, of_row);
+  for (const float mean : of_row) {
+    const bool none = mean == TileValues::kNoValue;
+    const float before = raw.empty() ? 0.0f : raw.back();
+    raw.push_back(none ? before : mean / static_cast<float>(per_sigma));
   }
 }
 
 // The median over the 3x3 tiles around each, not below `floor`.
-void MedianOfTiles(const std::vector<float> &raw, int columns, int rows,
-                   float floor, std::vector<float> &out) {
-  out.resize(raw.size());
-  for (int y = 0; y < rows; ++y)
-    for (int x = 0; x < columns; ++x) {
-      float around[9];
-      int n = 0;
-      for (int j = std::max(0, y - 1); j <= std::min(rows - 1, y + 1); ++j)
-        for (int i = std::max(0, x - 1); i <= std::min(columns - 1, x + 1); ++i)
-          around[n++] = raw[std::size_t(j) * columns + i];
-      out[std::size_t(y) * columns + x] =
-          std::max(floor, Quantile(around, n, 0.5));
-    }
+void MedianOfTiles(const std::vector<float>& raw, int columns, int rows, float floor, EdgeBuffers& b,
+                   std::vector<float>& out) {
+  out.clear();
+  for (int y = 0; y < rows; ++y) {
+    b.around.Clear(columns);
+    for (int j = std::max(0, y - 1); j <= std::min(rows - 1, y + 1); ++j)
+      for (int i = -1; i <= 1; ++i)
+        for (int x = std::max(0, -i); x < std::min(columns, columns - i); ++x)
+          b.around.At(3 * (j - y + 1) + i + 1, x) = raw[std::size_t(j) * columns + x + i];
+    TileQuantiles(b.around, 0.5, b.of_row);
+    for (const float median : b.of_row) out.push_back(std::max(floor, median));
+  }
 }
 
 template <class Pixel>
-void MeasureTiles(const GreyView &image, EdgeBuffers &b,
-                  const NoiseMap &noise) {
+void MeasureTiles(const GreyView& image, EdgeBuffers& b, const NoiseMap& noise) {
   using Value = typename Filter<Pixel>::Value;
   const auto filter = Choose<Pixel, Value>(b.simd);
   const Rows<Value> r = Layout<Value>(b, image.width);
   b.raw_sigma.clear(), b.raw_texture.clear();
   for (int y = 0; y < noise.rows; ++y) {
-    const std::size_t size = std::size_t(noise.columns) * kTileBlocks;
-    b.noise_blocks.assign(size, -1.0f), b.texture_blocks.assign(size, -1.0f);
+    b.noise_blocks.Clear(noise.columns), b.texture_blocks.Clear(noise.columns);
     int place = 0;
-    for (int v = y * NoiseMap::kTilePx + 2;
-         v < std::min((y + 1) * NoiseMap::kTilePx, image.height - 1);
+    for (int v = y * NoiseMap::kTilePx + 2; v < std::min((y + 1) * NoiseMap::kTilePx, image.height - 1);
          v += kBlockRowStep, ++place) {
-      filter.mask(Row<Pixel>(image, v - 1), Row<Pixel>(image, v),
-                  Row<Pixel>(image, v + 1), image.width, r.smooth, r.slope);
+      filter.mask(Row<Pixel>(image, v - 1), Row<Pixel>(image, v), Row<Pixel>(image, v + 1), image.width,
+                  r.smooth, r.slope);
       CollectBlocks(r.slope, image.width, 1, place, b.noise_blocks);
       GradientRow(image, filter, r, v, 0);
-      CollectBlocks(r.magnitude[0], image.width, kBorderPx, place,
-                    b.texture_blocks);
+      CollectBlocks(r.magnitude[0], image.width, kBorderPx, place, b.texture_blocks);
     }
-    AppendQuantiles(b.noise_blocks, place, noise.columns, 0.5,
-                    kMaskNorm * kMeanAbsNormal, b.raw_sigma);
-    AppendQuantiles(b.texture_blocks, place, noise.columns, kQuietShare,
-                    kMeanAbsSum, b.raw_texture);
+    AppendQuantiles(b.noise_blocks, 0.5, kMaskNorm * kMeanAbsNormal, b.of_row, b.raw_sigma);
+    AppendQuantiles(b.texture_blocks, kQuietShare, kMeanAbsSum, b.of_row, b.raw_texture);
   }
 }
 
 // ---- maxima of the gradient, row by row ----
 
-// Edge points weaker than so many sigmas of the texture around them wander with
-// it and make no lines.
+// Edge points weaker than so many sigmas of the texture around them wander with it and make no lines: of
+// texture alone no more than one pixel in twenty is stronger.
 constexpr double kTextureSigmas = 2.5;
 
 template <class Value>
-void FillThreshold(const NoiseMap &noise, int v, double noise_sigmas, int width,
-                   Value *threshold) {
+void FillThreshold(const NoiseMap& noise, int v, double noise_sigmas, int width, Value* threshold) {
   const std::size_t first = noise.Tile(0, v);
   for (int u0 = 0, i = 0; u0 < width; u0 += NoiseMap::kTilePx, ++i) {
-    const double t =
-        std::max(noise_sigmas * kGradientNoise * noise.sigma[first + i],
-                 kTextureSigmas * noise.texture[first + i]);
-    std::fill(threshold + u0,
-              threshold + std::min(u0 + NoiseMap::kTilePx, width),
-              static_cast<Value>(
-                  std::min(t, double(std::numeric_limits<Value>::max()))));
+    const double t = std::max(noise_sigmas * kGradientNoise * noise.sigma[first + i],
+                              kTextureSigmas * noise.texture[first + i]);
+    std::fill(threshold + u0, threshold + std::min(u0 + NoiseMap::kTilePx, width),
+              static_cast<Value>(std::min(t, double(std::numeric_limits<Value>::max()))));
   }
 }
 
 struct Profile {
-  float before, at, after; // gradient along the direction at the point
+  float before, at, after;  // gradient along the direction at the point
 };
 
 // Offset of the maximum (px, in -0.5 to 0.5) by the parabola through the three
 // values.
-float ParabolaOffset(const Profile &p) {
+float ParabolaOffset(const Profile& p) {
   const float bend = p.before - 2 * p.at + p.after;
-  if (!(bend < 0))
-    return 0;
+  if (!(bend < 0)) return 0;
   return std::clamp(0.5f * (p.before - p.after) / bend, -0.5f, 0.5f);
 }
 
 // Variance of the Gaussian through the three values, px^2 along the axis.
-float ProfileVariance(const Profile &p) {
-  constexpr float kWidest =
-      25; // px^2: an edge of 5 px blur, the widest that is of use
-  constexpr float kWidestRatio = 0.9607894f; // exp(-1 / kWidest)
-  if (!(p.before > 0 && p.after > 0))
-    return static_cast<float>(kGradientVariance);
+float ProfileVariance(const Profile& p) {
+  constexpr float kWidest = 25;               // px^2: an edge of 5 px blur, the widest that is of use
+  constexpr float kWidestRatio = 0.9607894f;  // exp(-1 / kWidest)
+  if (!(p.before > 0 && p.after > 0)) return static_cast<float>(kGradientVariance);
   const float ratio = p.before * p.after / (p.at * p.at);
   return ratio >= kWidestRatio ? kWidest : -1.0f / std::log(ratio);
 }
 
 template <class Value>
-EdgePoint PointAt(const Rows<Value> &r, const int (&ring)[3], int u, int v,
-                  float length) {
+EdgePoint PointAt(const Rows<Value>& r, const int (&ring)[3], int u, int v, float length) {
   const Value *gx = r.gx[ring[1]], *gy = r.gy[ring[1]];
-  const float x = static_cast<float>(gx[u]) / length,
-              y = static_cast<float>(gy[u]) / length;
+  const float x = static_cast<float>(gx[u]) / length, y = static_cast<float>(gy[u]) / length;
   const bool horizontal = std::abs(x) >= std::abs(y);
   auto along = [&](Value gx_there, Value gy_there) {
     return static_cast<float>(gx_there) * x + static_cast<float>(gy_there) * y;
   };
-  const Profile p =
-      horizontal ? Profile{along(gx[u - 1], gy[u - 1]), length,
-                           along(gx[u + 1], gy[u + 1])}
-                 : Profile{along(r.gx[ring[0]][u], r.gy[ring[0]][u]), length,
-                           along(r.gx[ring[2]][u], r.gy[ring[2]][u])};
+  const Profile p = horizontal ? Profile{along(gx[u - 1], gy[u - 1]), length, along(gx[u + 1], gy[u + 1])}
+                               : Profile{along(r.gx[ring[0]][u], r.gy[ring[0]][u]), length,
+                                         along(r.gx[ring[2]][u], r.gy[ring[2]][u])};
   const float offset = ParabolaOffset(p), cosine = horizontal ? x : y;
   return {static_cast<float>(u) + (horizontal ? offset : 0),
           static_cast<float>(v) + (horizontal ? 0 : offset),
@@ -390,8 +324,7 @@ EdgePoint PointAt(const Rows<Value> &r, const int (&ring)[3], int u, int v,
 }
 
 // The places of a row's flags, in order.
-std::size_t ListFlags(const std::uint8_t *flags, int width,
-                      std::uint32_t *out) {
+std::size_t ListFlags(const std::uint8_t* flags, int width, std::uint32_t* out) {
   std::size_t n = 0;
   for (int u0 = 0; u0 < width; u0 += 8) {
     std::uint64_t eight;
@@ -403,9 +336,8 @@ std::size_t ListFlags(const std::uint8_t *flags, int width,
 }
 
 template <class Pixel>
-void FindPoints(const GreyView &image, const NoiseMap &noise,
-                double noise_sigmas, EdgeBuffers &b,
-                std::vector<EdgePoint> &points) {
+void FindPoints(const GreyView& image, const NoiseMap& noise, double noise_sigmas, EdgeBuffers& b,
+                std::vector<EdgePoint>& points) {
   using Value = typename Filter<Pixel>::Value;
   const auto filter = Choose<Pixel, Value>(b.simd);
   const int w = image.width, h = image.height;
@@ -416,15 +348,12 @@ void FindPoints(const GreyView &image, const NoiseMap &noise,
   GradientRow(image, filter, r, kBorderPx, kBorderPx % 3);
   for (int v = kBorderPx; v < h - kBorderPx; ++v) {
     GradientRow(image, filter, r, v + 1, (v + 1) % 3);
-    if (v == kBorderPx || v % NoiseMap::kTilePx == 0)
-      FillThreshold(noise, v, noise_sigmas, w, r.threshold);
+    if (v == kBorderPx || v % NoiseMap::kTilePx == 0) FillThreshold(noise, v, noise_sigmas, w, r.threshold);
     const int ring[3] = {(v + 2) % 3, v % 3, (v + 1) % 3};
     constexpr int k = kBorderPx;
-    filter.flag(r.magnitude[ring[0]] + k, r.magnitude[ring[1]] + k,
-                r.magnitude[ring[2]] + k, r.gx[ring[1]] + k, r.gy[ring[1]] + k,
-                r.threshold + k, w - 2 * k, b.flags.data());
-    const std::size_t n =
-        ListFlags(b.flags.data(), w - 2 * k, b.flagged.data());
+    filter.flag(r.magnitude[ring[0]] + k, r.magnitude[ring[1]] + k, r.magnitude[ring[2]] + k,
+                r.gx[ring[1]] + k, r.gy[ring[1]] + k, r.threshold + k, w - 2 * k, b.flags.data());
+    const std::size_t n = ListFlags(b.flags.data(), w - 2 * k, b.flagged.data());
     for (std::size_t i = 0; i < n; ++i) {
       const int u = k + static_cast<int>(b.flagged[i]);
       const float x = r.gx[ring[1]][u], y = r.gy[ring[1]][u];
@@ -433,37 +362,32 @@ void FindPoints(const GreyView &image, const NoiseMap &noise,
   }
 }
 
-} // namespace
+}  // namespace
 
-void EstimateNoise(const GreyView &image, float min_sigma, EdgeBuffers &b,
-                   NoiseMap &noise) {
+void EstimateNoise(const GreyView& image, float min_sigma, EdgeBuffers& b, NoiseMap& noise) {
   noise.columns = (image.width + NoiseMap::kTilePx - 1) / NoiseMap::kTilePx;
   noise.rows = (image.height + NoiseMap::kTilePx - 1) / NoiseMap::kTilePx;
   if (image.bits == 8)
     MeasureTiles<std::uint8_t>(image, b, noise);
   else
     MeasureTiles<std::uint16_t>(image, b, noise);
-  MedianOfTiles(b.raw_sigma, noise.columns, noise.rows, min_sigma, noise.sigma);
-  MedianOfTiles(b.raw_texture, noise.columns, noise.rows, 0, noise.texture);
+  MedianOfTiles(b.raw_sigma, noise.columns, noise.rows, min_sigma, b, noise.sigma);
+  MedianOfTiles(b.raw_texture, noise.columns, noise.rows, 0, b, noise.texture);
   for (std::size_t i = 0; i < noise.texture.size(); ++i)
-    noise.texture[i] = std::max(
-        noise.texture[i], static_cast<float>(kGradientNoise * noise.sigma[i]));
-  const auto middle =
-      b.raw_sigma.begin() + std::ptrdiff_t(b.raw_sigma.size() / 2);
+    noise.texture[i] = std::max(noise.texture[i], static_cast<float>(kGradientNoise * noise.sigma[i]));
+  const auto middle = b.raw_sigma.begin() + std::ptrdiff_t(b.raw_sigma.size() / 2);
   std::nth_element(b.raw_sigma.begin(), middle, b.raw_sigma.end());
   noise.median_sigma = std::max(min_sigma, *middle);
 }
 
-void FindEdgePoints(const GreyView &image, const NoiseMap &noise,
-                    double threshold_sigmas, EdgeBuffers &buffers,
-                    std::vector<EdgePoint> &points) {
+void FindEdgePoints(const GreyView& image, const NoiseMap& noise, double threshold_sigmas,
+                    EdgeBuffers& buffers, std::vector<EdgePoint>& points) {
   points.clear();
-  if (image.width <= 2 * kBorderPx || image.height <= 2 * kBorderPx)
-    return;
+  if (image.width <= 2 * kBorderPx || image.height <= 2 * kBorderPx) return;
   if (image.bits == 8)
     FindPoints<std::uint8_t>(image, noise, threshold_sigmas, buffers, points);
   else
     FindPoints<std::uint16_t>(image, noise, threshold_sigmas, buffers, points);
 }
 
-} // namespace vss
+}  // namespace vss

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "vss/feature/tile_quantiles.h"
 #include "vss/image/grey_image.h"
 
 namespace vss {
@@ -47,7 +48,9 @@ struct EdgeBuffers {
   std::vector<std::int32_t> rows;  // filtered rows in flight
   std::vector<std::uint8_t> flags;
   std::vector<std::uint32_t> flagged;
-  std::vector<float> noise_blocks, texture_blocks;  // mean magnitudes, per tile of a row of tiles
+  TileValues noise_blocks, texture_blocks;  // mean magnitudes, of a row of tiles
+  TileValues around;
+  std::vector<float> of_row;
   std::vector<float> raw_sigma, raw_texture;
   Simd simd = Simd::kBest;
 };

@@ -142,7 +142,7 @@ double Ellipse::ParameterOf(const Vector2d& p) const {
 
 double Ellipse::Distance(const Vector2d& p) const { return DistanceAndJacobian(*this, p, nullptr); }
 
-std::optional<EllipseFit> FitEllipse(std::span<const Vector2d> points) {
+std::optional<EllipseFit> FitEllipse(std::span<const Vector2d> points, double hopeless_px) {
   if (points.size() < kMinPoints) return std::nullopt;
   Vector2d centre(0, 0);
   for (const auto& p : points) centre += p;
@@ -156,6 +156,7 @@ std::optional<EllipseFit> FitEllipse(std::span<const Vector2d> points) {
   auto ellipse = EllipseOf(*conic, centre, scale);
   if (!ellipse || !(ellipse->axes.y() > kMinAxisPx)) return std::nullopt;
   EllipseFit best = Judge(points, *ellipse);
+  if (!(best.rms_px <= hopeless_px)) return std::nullopt;
   constexpr int kSteps = 4;
   for (int i = 0; i < kSteps; ++i) {
     Ellipse next = best.ellipse;

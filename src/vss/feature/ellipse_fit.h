@@ -1,6 +1,7 @@
 // Ellipses through points.
 #pragma once
 #include <Eigen/Core>
+#include <limits>
 #include <optional>
 #include <span>
 
@@ -27,6 +28,8 @@ struct EllipseFit {
 
 // Direct least squares (Fitzgibbon, Pilu, Fisher 1999, in the stable form of Halir and Flusser 1998), then
 // Gauss-Newton on the distances. Empty where the points describe no ellipse ("fewer than 6" included).
-std::optional<EllipseFit> FitEllipse(std::span<const Eigen::Vector2d> points);
+// Gives up where the first fit's RMS is above `hopeless_px`.
+std::optional<EllipseFit> FitEllipse(std::span<const Eigen::Vector2d> points,
+                                     double hopeless_px = std::numeric_limits<double>::infinity());
 
 }  // namespace vss

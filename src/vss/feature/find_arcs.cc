@@ -60,11 +60,13 @@ std::optional<FoundArc> FitArc(const Scene& s, const PieceRun& run) {
       s.options.min_significance)
     return std::nullopt;
   s.b.arc_ideal.assign(s.b.positions.begin() + begin, s.b.positions.begin() + end);
-  const auto ideal = FitEllipse(s.b.arc_ideal);
+  constexpr double kHopeless = 4;  // of the limit: no ellipse, whatever the distances are weighed like
+  const double max_rms = std::max(kMaxRmsPx, tolerance / 3);
+  const auto ideal = FitEllipse(s.b.arc_ideal, kHopeless * max_rms);
   if (!ideal) return std::nullopt;
   const Ellipse& e = ideal->ellipse;
-  if (ideal->rms_px > std::max(kMaxRmsPx, tolerance / 3) || ideal->max_px > 3 * tolerance ||
-      e.axes.y() < kMinAxisRatio * e.axes.x() || e.axes.x() > s.image.width + s.image.height)
+  if (ideal->rms_px > max_rms || ideal->max_px > 3 * tolerance || e.axes.y() < kMinAxisRatio * e.axes.x() ||
+      e.axes.x() > s.image.width + s.image.height)
     return std::nullopt;
   if (!s.lens) return FoundArc{*ideal, *ideal, begin, end};
   s.b.arc_points.clear();

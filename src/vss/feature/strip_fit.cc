@@ -18,8 +18,7 @@ constexpr double kMinBlurPx = 0.3, kMaxBlurPx = 5;
 
 struct Fitted {
   StripModel model;
-  Eigen::Matrix4d
-      covariance; // of the places, per unit variance; a in half lengths
+  Eigen::Matrix4d covariance;  // of the places, per unit variance; a in half lengths
   double residual2 = 0, weight = 0;
   int parameters = 0;
 };
@@ -30,80 +29,63 @@ struct BlurPrior {
 };
 
 template <int P>
-bool Solve(const StripSums<P> &s, bool levels_only, int places,
-           Eigen::Matrix<double, P, 1> &step,
-           Eigen::Matrix<double, P, P> &information) {
+bool Solve(const StripSums<P>& s, bool levels_only, int places, Eigen::Matrix<double, P, 1>& step,
+           Eigen::Matrix<double, P, P>& information) {
   Eigen::Matrix<double, P, 1> g;
   for (int i = 0; i < P; ++i) {
     g[i] = s.g[i];
-    for (int j = 0; j < P; ++j)
-      information(i, j) = s.h[i][j];
+    for (int j = 0; j < P; ++j) information(i, j) = s.h[i][j];
   }
   Eigen::Matrix<double, P, P> h = information;
   h.diagonal() *= 1 + 1e-9;
   constexpr double kHold = 1e12;
   for (int i = 0; levels_only && i < P; ++i)
-    if (i < places || i == P - 1)
-      h(i, i) += kHold;
+    if (i < places || i == P - 1) h(i, i) += kHold;
   const Eigen::LDLT<Eigen::Matrix<double, P, P>> solver(h);
-  if (solver.info() != Eigen::Success || !solver.isPositive())
-    return false;
+  if (solver.info() != Eigen::Success || !solver.isPositive()) return false;
   step = solver.solve(g);
   return step.allFinite();
 }
 
 template <int kEdges, bool kLinear>
-bool Iterate(const StripSamples &samples, const BlurPrior &prior, Simd simd,
-             int iterations, bool levels_first, Fitted &f) {
+bool Iterate(const StripSamples& samples, const BlurPrior& prior, Simd simd, int iterations,
+             bool levels_first, Fitted& f) {
   constexpr int P = NumStripParameters<kEdges, kLinear>();
   StripSums<P> sums;
   Eigen::Matrix<double, P, 1> step;
   Eigen::Matrix<double, P, P> information;
   constexpr double kMaxStepPx = 1.0;
-  constexpr double kCloseStep = 0.05; // px: after it all pixels take part
-  constexpr double kSmallStep =
-      0.02; // px: after it the next step would be lost in the noise
-  constexpr std::size_t kEnoughLots =
-      40; // of kStripLanes pixels, to come close
-  int stride = std::max(
-      1, static_cast<int>(samples.count / (kStripLanes * kEnoughLots)));
+  constexpr double kCloseStep = 0.05;      // px: after it all pixels take part
+  constexpr double kSmallStep = 0.02;      // px: after it the next step would be lost in the noise
+  constexpr std::size_t kEnoughLots = 40;  // of kStripLanes pixels, to come close
+  int stride = std::max(1, static_cast<int>(samples.count / (kStripLanes * kEnoughLots)));
   for (int i = 0;; ++i) {
-    if (i + 1 >= iterations)
-      stride = 1;
+    if (i + 1 >= iterations) stride = 1;
     AccumulateStrip<kEdges, kLinear>(samples, f.model, stride, simd, sums);
     sums.h[P - 1][P - 1] += prior.weight;
     sums.g[P - 1] += prior.weight * (prior.blur - f.model.blur);
-    if (!Solve<P>(sums, levels_first && i == 0, 2 * kEdges, step, information))
-      return false;
+    if (!Solve<P>(sums, levels_first && i == 0, 2 * kEdges, step, information)) return false;
     int at = 0;
     double largest = 0;
     for (int e = 0; e < kEdges; ++e)
-      largest =
-          std::max({largest, std::abs(step[2 * e]), std::abs(step[2 * e + 1])});
+      largest = std::max({largest, std::abs(step[2 * e]), std::abs(step[2 * e + 1])});
     const double scale = largest > kMaxStepPx ? kMaxStepPx / largest : 1.0;
     for (int e = 0; e < kEdges; ++e) {
       f.model.offset[e] += float(scale * step[at++]);
       f.model.slope[e] += float(scale * step[at++]);
     }
     f.model.level[0] += float(scale * step[at++]);
-    for (int e = 0; e < kEdges; ++e)
-      f.model.contrast[e] += float(scale * step[at++]);
+    for (int e = 0; e < kEdges; ++e) f.model.contrast[e] += float(scale * step[at++]);
     if (kLinear) {
       f.model.level[1] += float(scale * step[at++]);
-      for (int e = 0; e < kEdges; ++e)
-        f.model.contrast_slope[e] += float(scale * step[at++]);
+      for (int e = 0; e < kEdges; ++e) f.model.contrast_slope[e] += float(scale * step[at++]);
     }
     const double blur =
-        f.model.blur + std::clamp(scale * step[P - 1], -0.5 * f.model.blur,
-                                  0.5 * f.model.blur);
+        f.model.blur + std::clamp(scale * step[P - 1], -0.5 * f.model.blur, 0.5 * f.model.blur);
     f.model.blur = static_cast<float>(std::clamp(blur, kMinBlurPx, kMaxBlurPx));
-    const double change = levels_first && i == 0
-                              ? kMaxStepPx
-                              : std::max(largest, std::abs(step[P - 1]));
-    if (stride == 1 && (change < kSmallStep || i + 1 >= iterations))
-      break;
-    if (change < kCloseStep)
-      stride = 1;
+    const double change = levels_first && i == 0 ? kMaxStepPx : std::max(largest, std::abs(step[P - 1]));
+    if (stride == 1 && (change < kSmallStep || i + 1 >= iterations)) break;
+    if (change < kCloseStep) stride = 1;
   }
   const Eigen::Matrix<double, P, P> inverse =
       information.ldlt().solve(Eigen::Matrix<double, P, P>::Identity());
@@ -114,18 +96,14 @@ bool Iterate(const StripSamples &samples, const BlurPrior &prior, Simd simd,
   return f.covariance.allFinite();
 }
 
-using IterateFunction = bool (*)(const StripSamples &, const BlurPrior &, Simd,
-                                 int, bool, Fitted &);
+using IterateFunction = bool (*)(const StripSamples&, const BlurPrior&, Simd, int, bool, Fitted&);
 
 IterateFunction IterateFor(int edges, bool linear) {
-  if (edges == 1)
-    return linear ? IterateFunction(Iterate<1, true>)
-                  : IterateFunction(Iterate<1, false>);
-  return linear ? IterateFunction(Iterate<2, true>)
-                : IterateFunction(Iterate<2, false>);
+  if (edges == 1) return linear ? IterateFunction(Iterate<1, true>) : IterateFunction(Iterate<1, false>);
+  return linear ? IterateFunction(Iterate<2, true>) : IterateFunction(Iterate<2, false>);
 }
 
-float MedianOf(std::vector<float> &values) {
+float MedianOf(std::vector<float>& values) {
   auto middle = values.begin() + values.size() / 2;
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
@@ -133,9 +111,9 @@ float MedianOf(std::vector<float> &values) {
 
 // Each column's own place about the line (px), of the first edge: one step of
 // its matched filter.
-void PlaceColumns(StripBuffers &b) {
-  constexpr float kMinShare = 0.3f; // of the information of the best column; a
-                                    // corner takes it from others
+void PlaceColumns(StripBuffers& b) {
+  constexpr float kMinShare = 0.3f;  // of the information of the best column; a
+                                     // corner takes it from others
   const std::size_t columns = b.column_along.size();
   b.column_place.resize(columns), b.sorted.resize(columns);
   float most = 0;
@@ -150,24 +128,19 @@ void PlaceColumns(StripBuffers &b) {
     most = std::max(most, denominator);
   }
   for (std::size_t c = 0; c < columns; ++c)
-    if (b.sorted[c] < kMinShare * most)
-      b.column_place[c] = 0;
+    if (b.sorted[c] < kMinShare * most) b.column_place[c] = 0;
 }
 
 // The residuals by their distance from the line: sums over the columns.
-void FillProfile(const StripModel &m, double low, StripBuffers &b) {
-  StripProfile &p = b.profile;
+void FillProfile(const StripModel& m, double low, StripBuffers& b) {
+  StripProfile& p = b.profile;
   p = {};
-  p.low = low, p.offset = m.offset[0], p.contrast = m.contrast[0],
-  p.blur = m.blur;
+  p.low = low, p.offset = m.offset[0], p.contrast = m.contrast[0], p.blur = m.blur;
   const float slope = m.slope[0];
-  const float scale = static_cast<float>(1 / StripProfile::kBinPx),
-              first = static_cast<float>(low);
+  const float scale = static_cast<float>(1 / StripProfile::kBinPx), first = static_cast<float>(low);
   for (std::size_t i = 0; i < b.column_start.back(); ++i) {
-    const float t = b.across[i] - slope * b.along[i], r = b.residual[i],
-                w = b.weight[i];
-    const int k = std::clamp(static_cast<int>((t - first) * scale), 0,
-                             StripProfile::kBins - 1);
+    const float t = b.across[i] - slope * b.along[i], r = b.residual[i], w = b.weight[i];
+    const int k = std::clamp(static_cast<int>((t - first) * scale), 0, StripProfile::kBins - 1);
     p.sum[k] += w * r, p.count[k] += w;
     p.squares += w * r * r, p.pixels += w;
   }
@@ -175,60 +148,51 @@ void FillProfile(const StripModel &m, double low, StripBuffers &b) {
 
 // Gives columns that lie off (a scratch, a crossing) no weight; how many
 // remain.
-int DropOutliers(StripBuffers &b, double expected_sigma) {
+int DropOutliers(StripBuffers& b, double expected_sigma) {
   constexpr double kSigmas = 4;
   b.sorted.clear();
-  for (const float e : b.column_place)
-    b.sorted.push_back(std::abs(e));
-  const double limit =
-      kSigmas * std::max(expected_sigma, 1.4826 * MedianOf(b.sorted));
+  for (const float e : b.column_place) b.sorted.push_back(std::abs(e));
+  const double limit = kSigmas * std::max(expected_sigma, 1.4826 * MedianOf(b.sorted));
   int kept = 0;
   for (std::size_t c = 0; c < b.column_place.size(); ++c) {
     const bool good = std::abs(b.column_place[c]) <= limit;
     kept += good;
-    for (auto i = b.column_start[c]; i < b.column_start[c + 1]; ++i)
-      b.weight[i] = good ? 1.0f : 0.0f;
+    for (auto i = b.column_start[c]; i < b.column_start[c + 1]; ++i) b.weight[i] = good ? 1.0f : 0.0f;
   }
   return kept;
 }
 
 // By how much the variance of a mean over the columns exceeds that of
 // independent ones (texture, compression), at least 1.
-double Correlation(const StripBuffers &b) {
+double Correlation(const StripBuffers& b) {
   constexpr int kBlock = 8, kMinBlocks = 4;
   double sum2 = 0, blocks2 = 0, block = 0;
   int n = 0, blocks = 0, in_block = 0;
   for (std::size_t c = 0; c < b.column_place.size(); ++c) {
-    if (b.weight[b.column_start[c]] == 0)
-      continue;
+    if (b.weight[b.column_start[c]] == 0) continue;
     const double e = b.column_place[c];
     sum2 += e * e, ++n, block += e;
-    if (++in_block == kBlock)
-      blocks2 += block * block, block = 0, in_block = 0, ++blocks;
+    if (++in_block == kBlock) blocks2 += block * block, block = 0, in_block = 0, ++blocks;
   }
-  if (blocks < kMinBlocks || !(sum2 > 0))
-    return 1;
+  if (blocks < kMinBlocks || !(sum2 > 0)) return 1;
   // Two degrees of freedom of the blocks went into the line itself.
   return std::max(1.0, (blocks2 / (blocks - 2) / kBlock) / (sum2 / n));
 }
 
 // Levels from the pixels given the edges' places and contrasts.
-StripModel StartModel(std::span<const StripEdge> start, const StripBuffers &b,
-                      std::size_t pixels, double half, double blur) {
+StripModel StartModel(std::span<const StripEdge> start, const StripBuffers& b, std::size_t pixels,
+                      double half, double blur) {
   StripModel m{};
   m.blur = static_cast<float>(std::clamp(blur, kMinBlurPx, kMaxBlurPx));
   double sum = 0;
-  for (std::size_t i = 0; i < pixels; ++i)
-    sum += b.grey[i];
+  for (std::size_t i = 0; i < pixels; ++i) sum += b.grey[i];
   for (std::size_t e = 0; e < start.size(); ++e) {
     m.offset[e] = static_cast<float>(start[e].offset);
     m.slope[e] = static_cast<float>(start[e].slope * half);
     m.contrast[e] = static_cast<float>(start[e].contrast);
-    const float offset = m.offset[e],
-                slope = static_cast<float>(start[e].slope);
+    const float offset = m.offset[e], slope = static_cast<float>(start[e].slope);
     int bright = 0;
-    for (std::size_t i = 0; i < pixels; ++i)
-      bright += b.across[i] > offset + slope * b.along[i];
+    for (std::size_t i = 0; i < pixels; ++i) bright += b.across[i] > offset + slope * b.along[i];
     sum -= start[e].contrast * bright;
   }
   m.level[0] = static_cast<float>(sum / double(pixels));
@@ -237,102 +201,77 @@ StripModel StartModel(std::span<const StripEdge> start, const StripBuffers &b,
 
 // Pads the pixels to whole lanes, counts `along` in half lengths and fills in
 // what the corners leave of the edge.
-StripSamples Prepare(const GreyView &image, const StripFrame &f,
-                     const StripSettings &settings, std::size_t pixels,
-                     double half, Simd simd, StripBuffers &b) {
-  const std::size_t padded =
-      (pixels + kStripLanes - 1) / kStripLanes * kStripLanes;
-  if (padded + StripBuffers::kSpare > b.grey.size())
-    b.Grow(padded + StripBuffers::kSpare);
+StripSamples Prepare(const GreyView& image, const StripFrame& f, const StripSettings& settings,
+                     std::size_t pixels, double half, Simd simd, StripBuffers& b) {
+  const std::size_t padded = (pixels + kStripLanes - 1) / kStripLanes * kStripLanes;
+  if (padded + StripBuffers::kSpare > b.grey.size()) b.Grow(padded + StripBuffers::kSpare);
   const float per_half = static_cast<float>(1 / half);
-  for (std::size_t i = 0; i < pixels; ++i)
-    b.along[i] *= per_half;
+  for (std::size_t i = 0; i < pixels; ++i) b.along[i] *= per_half;
   std::fill_n(b.weight.begin(), pixels, 1.0f);
   std::fill_n(b.corner.begin(), padded, 1.0f);
-  for (auto *v : {&b.along, &b.across, &b.grey, &b.weight})
-    std::fill(v->begin() + std::ptrdiff_t(pixels),
-              v->begin() + std::ptrdiff_t(padded), 0.0f);
-  const StripSamples in{
-      b.along.data(),        b.across.data(),
-      b.grey.data(),         b.weight.data(),
-      b.corner.data(),       b.residual.data(),
-      b.by_place.data(),     padded,
-      settings.dark_corners, static_cast<float>(image.MaxValue())};
-  for (const auto &c : settings.corners) {
-    const Vector2d side =
-        settings.dark_corners ? Vector2d(-c.bright) : c.bright;
-    const double along = side.dot(f.along), across = side.dot(f.across),
-                 at = side.dot(f.middle - c.point);
+  for (auto* v : {&b.along, &b.across, &b.grey, &b.weight})
+    std::fill(v->begin() + std::ptrdiff_t(pixels), v->begin() + std::ptrdiff_t(padded), 0.0f);
+  const StripSamples in{b.along.data(),        b.across.data(),
+                        b.grey.data(),         b.weight.data(),
+                        b.corner.data(),       b.residual.data(),
+                        b.by_place.data(),     padded,
+                        settings.dark_corners, static_cast<float>(image.MaxValue())};
+  for (const auto& c : settings.corners) {
+    const Vector2d side = settings.dark_corners ? Vector2d(-c.bright) : c.bright;
+    const double along = side.dot(f.along), across = side.dot(f.across), at = side.dot(f.middle - c.point);
     // The edge's bend within a corner's blur is nothing: its sag there stands
     // for all.
     const double corner_at = f.Bent() ? f.along.dot(c.point - f.middle) : 0;
     const double sag = f.Bent() ? across * f.Sag(corner_at) : 0;
     const double blur = settings.start_blur_px;
-    MultiplyCorner(in, static_cast<float>((at + sag) / blur),
-                   static_cast<float>(along * half / blur),
+    MultiplyCorner(in, static_cast<float>((at + sag) / blur), static_cast<float>(along * half / blur),
                    static_cast<float>(across / blur), simd);
   }
   return in;
 }
 
-} // namespace
+}  // namespace
 
 double StripProfile::Coherence() const {
   double coherence = 0;
   for (int k = 0; k < kBins; ++k)
-    if (count[k] > 0)
-      coherence += sum[k] * sum[k] / count[k];
+    if (count[k] > 0) coherence += sum[k] * sum[k] / count[k];
   return squares > 0 ? coherence / (squares / pixels) : 0;
 }
 
-StripFit FitStrip(const GreyView &image, const StripFrame &frame,
-                  std::span<const StripEdge> start,
-                  std::span<const StripNeighbour> neighbours,
-                  const StripSettings &settings, Simd simd, StripBuffers &b) {
+StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<const StripEdge> start,
+                  std::span<const StripNeighbour> neighbours, const StripSettings& settings, Simd simd,
+                  StripBuffers& b) {
   StripFit out;
   const int edges = static_cast<int>(start.size());
-  const double side_px = std::min(
-      settings.reach_px,
-      1.5 * settings
-                .start_blur_px); // a side that is shorter cannot show its level
-  const StripWindow window{start.front().offset - settings.reach_px,
-                           start.back().offset + settings.reach_px};
-  const std::size_t pixels =
-      TakePixels(image, frame, neighbours, settings, side_px, window, b);
+  const double side_px =
+      std::min(settings.reach_px,
+               1.5 * settings.start_blur_px);  // a side that is shorter cannot show its level
+  const StripWindow window{start.front().offset - settings.reach_px, start.back().offset + settings.reach_px};
+  const std::size_t pixels = TakePixels(image, frame, neighbours, settings, side_px, window, b);
   const int columns = static_cast<int>(b.column_along.size());
-  if (columns < kMinColumns)
-    return out;
-  const double half = std::max({std::abs(b.column_along.front()),
-                                std::abs(b.column_along.back()), 1.0f});
+  if (columns < kMinColumns) return out;
+  const double half = std::max({std::abs(b.column_along.front()), std::abs(b.column_along.back()), 1.0f});
   Fitted f;
   f.model = StartModel(start, b, pixels, half, settings.start_blur_px);
-  const StripSamples samples =
-      Prepare(image, frame, settings, pixels, half, simd, b);
-  constexpr int kLinearColumns =
-      24; // fewer columns cannot tell a slope of the levels from noise
+  const StripSamples samples = Prepare(image, frame, settings, pixels, half, simd, b);
+  constexpr int kLinearColumns = 24;  // fewer columns cannot tell a slope of the levels from noise
   const auto iterate = IterateFor(edges, columns >= kLinearColumns);
   BlurPrior prior;
   if (settings.blur_sigma_px > 0)
-    prior = {settings.start_blur_px,
-             std::pow(settings.noise_sigma / settings.blur_sigma_px, 2)};
-  if (!iterate(samples, prior, simd, kIterations + (edges > 1 ? 2 : 0),
-               edges > 1, f))
-    return out;
+    prior = {settings.start_blur_px, std::pow(settings.noise_sigma / settings.blur_sigma_px, 2)};
+  if (!iterate(samples, prior, simd, kIterations + (edges > 1 ? 2 : 0), edges > 1, f)) return out;
   PlaceColumns(b);
   FillProfile(f.model, window.low, b);
   out.profiled = true;
   const double pixel_sigma =
-      std::max(settings.noise_sigma,
-               std::sqrt(f.residual2 / std::max(1.0, f.weight - f.parameters)));
-  const double column_sigma =
-      pixel_sigma * std::sqrt(2 * std::sqrt(M_PI) * f.model.blur) /
-      std::max(1e-6, double{std::abs(f.model.contrast[0])});
+      std::max(settings.noise_sigma, std::sqrt(f.residual2 / std::max(1.0, f.weight - f.parameters)));
+  const double column_sigma = pixel_sigma * std::sqrt(2 * std::sqrt(M_PI) * f.model.blur) /
+                              std::max(1e-6, double{std::abs(f.model.contrast[0])});
   const int kept = DropOutliers(b, column_sigma);
-  if (kept < std::max(kMinColumns, columns / 2))
-    return out;
+  if (kept < std::max(kMinColumns, columns / 2)) return out;
   if (kept < columns) {
-    if (!iterate(samples, prior, simd, 1, false, f))
-      return out;
+    if (!iterate(samples, prior, simd, 1, false, f)) return out;
     PlaceColumns(b);
     FillProfile(f.model, window.low, b);
   }
@@ -340,17 +279,12 @@ StripFit FitStrip(const GreyView &image, const StripFrame &frame,
   double rms2 = 0;
   out.from = b.column_along.front(), out.to = b.column_along.back();
   for (std::size_t c = 0; c < b.column_place.size(); ++c)
-    if (b.weight[b.column_start[c]] != 0)
-      rms2 += double{b.column_place[c]} * b.column_place[c];
+    if (b.weight[b.column_start[c]] != 0) rms2 += double{b.column_place[c]} * b.column_place[c];
   out.rms_px = std::sqrt(rms2 / kept);
-  out.residual_sigma =
-      std::sqrt(f.residual2 / std::max(1.0, f.weight - f.parameters));
-  const double variance =
-      std::max(out.residual_sigma * out.residual_sigma, 1.0 / 12) *
-      Correlation(b);
+  out.residual_sigma = std::sqrt(f.residual2 / std::max(1.0, f.weight - f.parameters));
+  const double variance = std::max(out.residual_sigma * out.residual_sigma, 1.0 / 12) * Correlation(b);
   for (int e = 0; e < edges; ++e) {
-    out.edges[e].offset = f.model.offset[e],
-    out.edges[e].slope = f.model.slope[e] / half,
+    out.edges[e].offset = f.model.offset[e], out.edges[e].slope = f.model.slope[e] / half,
     out.edges[e].contrast = f.model.contrast[e];
     out.edges[e].covariance = variance * f.covariance.block<2, 2>(2 * e, 2 * e);
     out.edges[e].covariance.row(1) /= half;
@@ -362,4 +296,4 @@ StripFit FitStrip(const GreyView &image, const StripFrame &frame,
   return out;
 }
 
-} // namespace vss
+}  // namespace vss

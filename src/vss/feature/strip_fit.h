@@ -23,14 +23,13 @@ struct StripFrame {
   static constexpr int kNodes = 6;
 
   Eigen::Vector2d middle = {0, 0}, along = {1, 0}, across = {0, -1};
-  double from = 0, to = 0; // of the edge, along
+  double from = 0, to = 0;  // of the edge, along
   double node[kNodes] = {}, difference[kNodes] = {};
 
   bool Bent() const { return node[0] != node[1]; }
   double Sag(double a) const {
     double y = difference[kNodes - 1];
-    for (int i = kNodes - 1; i-- > 0;)
-      y = y * (a - node[i]) + difference[i];
+    for (int i = kNodes - 1; i-- > 0;) y = y * (a - node[i]) + difference[i];
     return y;
   }
   double SagSlope(double a) const {
@@ -43,35 +42,32 @@ struct StripFrame {
 
 // Another edge in the frame: pixels near it do not take part.
 struct StripNeighbour {
-  Eigen::Vector2d from = {0, 0}, to = {0, 0}; // (a, t)
+  Eigen::Vector2d from = {0, 0}, to = {0, 0};  // (a, t)
 };
 
 // A line that the edge meets at a corner of its two regions, both with the same
 // levels: behind it the edge is no more.
 struct StripCorner {
-  Eigen::Vector2d
-      point = {0, 0},
-      bright = {0, 0}; // (img) on the line; unit vector towards its bright side
+  Eigen::Vector2d point = {0, 0}, bright = {0, 0};  // (img) on the line; unit vector towards its bright side
 };
 
 struct StripEdge {
-  double offset = 0, slope = 0; // t = offset + slope a
-  double contrast = 0;          // positive: bright where t is larger
-  Eigen::Matrix2d covariance =
-      Eigen::Matrix2d::Zero(); // of offset at a = 0 and slope
+  double offset = 0, slope = 0;                          // t = offset + slope a
+  double contrast = 0;                                   // positive: bright where t is larger
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // of offset at a = 0 and slope
 };
 
 struct StripFit {
   bool ok = false;
-  bool profiled = false; // the buffers' profile is this fit's
+  bool profiled = false;  // the buffers' profile is this fit's
   StripEdge edges[2];
-  double blur_px = 0;        // lens and pixel: s of the model
-  double residual_sigma = 0; // grey levels
-  double coherence = 0; // what the residuals' means at equal t have over noise:
-                        // about 20 where the model holds
-  double rms_px = 0;    // of single columns' places about the line
+  double blur_px = 0;         // lens and pixel: s of the model
+  double residual_sigma = 0;  // grey levels
+  double coherence = 0;       // what the residuals' means at equal t have over noise:
+                              // about 20 where the model holds
+  double rms_px = 0;          // of single columns' places about the line
   int num_columns = 0;
-  double from = 0, to = 0; // along, of the columns that took part
+  double from = 0, to = 0;  // along, of the columns that took part
 };
 
 // What a fit left, by the distance from its line: sums of the residuals in bins
@@ -80,11 +76,11 @@ struct StripProfile {
   static constexpr int kBins = 48;
   static constexpr double kBinPx = 0.5;
 
-  double low = 0;                            // t of the first bin's beginning
-  double offset = 0, contrast = 0, blur = 0; // of the fit's first edge
+  double low = 0;                             // t of the first bin's beginning
+  double offset = 0, contrast = 0, blur = 0;  // of the fit's first edge
   float sum[kBins] = {}, count[kBins] = {};
   double squares = 0,
-         pixels = 0; // sum of the squared residuals, and over how many pixels
+         pixels = 0;  // sum of the squared residuals, and over how many pixels
 
   // The bins' sums squared over what noise as large as the residuals would
   // give: about the number of bins where the model holds.
@@ -95,35 +91,32 @@ struct StripProfile {
 struct StripObstacle {
   Eigen::Vector2d from, to;
   double along, across, length,
-      reach;          // unit direction; half of what it spoils, along t
-  double first, last; // of a, where it matters
+      reach;           // unit direction; half of what it spoils, along t
+  double first, last;  // of a, where it matters
 };
 
 struct StripBuffers {
-  static constexpr std::size_t kSpare =
-      64; // floats beyond the last pixel that may be written
+  static constexpr std::size_t kSpare = 64;  // floats beyond the last pixel that may be written
 
   std::vector<float> along, across, grey, weight, corner, residual,
-      by_place; // per pixel
+      by_place;  // per pixel
   std::vector<std::uint32_t> column_start;
   std::vector<float> column_place, column_along, sorted;
   std::vector<StripObstacle> obstacles;
-  StripProfile profile; // of the last fit
+  StripProfile profile;  // of the last fit
 
   void Grow(std::size_t size) {
-    for (auto *v :
-         {&along, &across, &grey, &weight, &corner, &residual, &by_place})
-      v->resize(size);
+    for (auto* v : {&along, &across, &grey, &weight, &corner, &residual, &by_place}) v->resize(size);
   }
 };
 
 struct StripSettings {
-  double reach_px = 4;      // how far pixels are taken on either side
-  double margin_px = 2.5;   // distance to neighbours, and from the ends
-  double noise_sigma = 1;   // grey levels
-  double start_blur_px = 1; // lens and pixel
-  double blur_sigma_px = 0; // how well that is known beforehand; 0: not at all
-  int column_step = 1;      // every so many columns take part
+  double reach_px = 4;       // how far pixels are taken on either side
+  double margin_px = 2.5;    // distance to neighbours, and from the ends
+  double noise_sigma = 1;    // grey levels
+  double start_blur_px = 1;  // lens and pixel
+  double blur_sigma_px = 0;  // how well that is known beforehand; 0: not at all
+  int column_step = 1;       // every so many columns take part
   // Corners at the ends, all of them bright inside (convex for the bright side)
   // or all dark inside.
   std::span<const StripCorner> corners = {};
@@ -132,10 +125,8 @@ struct StripSettings {
 
 // `start`: one edge, or two (in order of t). Pixels come from the frame's
 // [from, to].
-StripFit FitStrip(const GreyView &image, const StripFrame &frame,
-                  std::span<const StripEdge> start,
-                  std::span<const StripNeighbour> neighbours,
-                  const StripSettings &settings, Simd simd,
-                  StripBuffers &buffers);
+StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<const StripEdge> start,
+                  std::span<const StripNeighbour> neighbours, const StripSettings& settings, Simd simd,
+                  StripBuffers& buffers);
 
-} // namespace vss
+}  // namespace vss

@@ -9,41 +9,34 @@ namespace {
 using Eigen::Vector2d;
 
 // A neighbour as the columns ask for it.
-StripObstacle ObstacleOf(const StripNeighbour &n, double margin) {
+StripObstacle ObstacleOf(const StripNeighbour& n, double margin) {
   const Vector2d d = n.to - n.from;
   const double length = d.norm();
   StripObstacle o{n.from, n.to, 0, 0, length, 0, 1, 0};
-  if (!(length > 0))
-    return o; // stands nowhere
+  if (!(length > 0)) return o;  // stands nowhere
   o.along = d.x() / length, o.across = d.y() / length;
   o.reach = margin / std::max(std::abs(o.along), 1e-3);
-  o.first = std::min(n.from.x(), n.to.x()) - margin,
-  o.last = std::max(n.from.x(), n.to.x()) + margin;
+  o.first = std::min(n.from.x(), n.to.x()) - margin, o.last = std::max(n.from.x(), n.to.x()) + margin;
   return o;
 }
 
 // Takes from the window at place `a` what an obstacle there spoils: empty (low
 // > high) where it crosses.
-void Clip(double a, const StripObstacle &n, double margin,
-          StripWindow &window) {
+void Clip(double a, const StripObstacle& n, double margin, StripWindow& window) {
   constexpr double kUpright = 1e-3, kSteep = 0.2;
-  const double position =
-      std::abs(n.along) > kUpright ? (a - n.from.x()) / n.along : 0;
-  if (std::abs(n.along) > kUpright &&
-      (position < -margin || position > n.length + margin)) {
+  const double position = std::abs(n.along) > kUpright ? (a - n.from.x()) / n.along : 0;
+  if (std::abs(n.along) > kUpright && (position < -margin || position > n.length + margin)) {
     // The neighbour has ended before this column: only its end's surroundings
     // count.
     const Vector2d end = position < 0 ? n.from : n.to;
-    if (std::abs(a - end.x()) > margin)
-      return;
+    if (std::abs(a - end.x()) > margin) return;
     if (end.y() > 0)
       window.high = std::min(window.high, end.y() - margin);
     else
       window.low = std::max(window.low, end.y() + margin);
     return;
   }
-  if (std::abs(n.along) <=
-      kSteep) { // it crosses the column's whole height nearby
+  if (std::abs(n.along) <= kSteep) {  // it crosses the column's whole height nearby
     const double low = std::min(n.from.y(), n.to.y()) - margin,
                  high = std::max(n.from.y(), n.to.y()) + margin;
     if (low < 0 && high > 0)
@@ -62,12 +55,11 @@ void Clip(double a, const StripObstacle &n, double margin,
 }
 
 struct StripGeometry {
-  bool steep, bent; // columns are rows of the picture; the lens bends the edge
-  double along_major, along_minor, across_major, across_minor, middle_major,
-      middle_minor;
+  bool steep, bent;  // columns are rows of the picture; the lens bends the edge
+  double along_major, along_minor, across_major, across_minor, middle_major, middle_minor;
 };
 
-StripGeometry GeometryOf(const StripFrame &f) {
+StripGeometry GeometryOf(const StripFrame& f) {
   const bool steep = std::abs(f.along.y()) > std::abs(f.along.x());
   const int major = steep ? 1 : 0, minor = 1 - major;
   return {steep,           f.Bent(),        f.along[major],  f.along[minor],
@@ -75,99 +67,73 @@ StripGeometry GeometryOf(const StripFrame &f) {
 }
 
 template <class Pixel>
-void TakeColumn(const GreyView &image, const StripFrame &f,
-                const StripGeometry &g, int major,
-                const StripSettings &settings, double side_px,
-                StripWindow window, StripBuffers &b, std::size_t &count) {
+void TakeColumn(const GreyView& image, const StripFrame& f, const StripGeometry& g, int major,
+                const StripSettings& settings, double side_px, StripWindow window, StripBuffers& b,
+                std::size_t& count) {
   // On the column (a row for steep edges) t runs linearly with the pixel;
   // `rate`: of t, `drift`: of a.
   double a = (major - g.middle_major) / g.along_major;
   double sag = 0, slope = 0;
-  if (g.bent)
-    a = (major - g.middle_major - f.Sag(a) * g.across_major) / g.along_major,
-    sag = f.Sag(a);
-  if (a < f.from || a > f.to)
-    return;
-  const int centre = static_cast<int>(std::floor(
-      g.middle_minor + a * g.along_minor + sag * g.across_minor + 0.5));
-  const double d_major = major - g.middle_major,
-               d_minor = centre - g.middle_minor;
+  if (g.bent) a = (major - g.middle_major - f.Sag(a) * g.across_major) / g.along_major, sag = f.Sag(a);
+  if (a < f.from || a > f.to) return;
+  const int centre =
+      static_cast<int>(std::floor(g.middle_minor + a * g.along_minor + sag * g.across_minor + 0.5));
+  const double d_major = major - g.middle_major, d_minor = centre - g.middle_minor;
   const double a0 = g.along_major * d_major + g.along_minor * d_minor;
-  if (g.bent)
-    sag = f.Sag(a0), slope = f.SagSlope(a0);
+  if (g.bent) sag = f.Sag(a0), slope = f.SagSlope(a0);
   const double t0 = g.across_major * d_major + g.across_minor * d_minor - sag;
-  const double rate = g.across_minor - slope * g.along_minor,
-               drift = g.along_minor;
-  for (const auto &o : b.obstacles)
-    if (a >= o.first && a <= o.last)
-      Clip(a, o, settings.margin_px, window);
-  if (window.high < side_px || window.low > -side_px)
-    return;
+  const double rate = g.across_minor - slope * g.along_minor, drift = g.along_minor;
+  for (const auto& o : b.obstacles)
+    if (a >= o.first && a <= o.last) Clip(a, o, settings.margin_px, window);
+  if (window.high < side_px || window.low > -side_px) return;
   double first = (window.low - t0) / rate, last = (window.high - t0) / rate;
-  if (first > last)
-    std::swap(first, last);
+  if (first > last) std::swap(first, last);
   const int size = g.steep ? image.width : image.height;
   const int begin = std::max(centre + static_cast<int>(std::ceil(first)), 0),
-            end =
-                std::min(centre + static_cast<int>(std::floor(last)), size - 1);
-  if (end - begin < 2)
-    return;
+            end = std::min(centre + static_cast<int>(std::floor(last)), size - 1);
+  if (end - begin < 2) return;
   const std::size_t n = std::size_t(end - begin) + 1;
-  if (count + n + StripBuffers::kSpare > b.grey.size())
-    b.Grow(2 * (count + n + StripBuffers::kSpare));
-  const auto *base = static_cast<const std::uint8_t *>(image.data);
-  const std::ptrdiff_t stride =
-      g.steep ? std::ptrdiff_t(sizeof(Pixel)) : image.stride_bytes;
-  const std::uint8_t *at =
-      base + (g.steep ? major * image.stride_bytes + begin * stride
-                      : begin * stride + major * std::ptrdiff_t(sizeof(Pixel)));
-  float *along = &b.along[count], *across = &b.across[count],
-        *grey = &b.grey[count];
-  const float along0 = static_cast<float>(a0 + drift * (begin - centre)),
-              along1 = static_cast<float>(drift);
-  const float across0 = static_cast<float>(t0 + rate * (begin - centre)),
-              across1 = static_cast<float>(rate);
+  if (count + n + StripBuffers::kSpare > b.grey.size()) b.Grow(2 * (count + n + StripBuffers::kSpare));
+  const auto* base = static_cast<const std::uint8_t*>(image.data);
+  const std::ptrdiff_t stride = g.steep ? std::ptrdiff_t(sizeof(Pixel)) : image.stride_bytes;
+  const std::uint8_t* at = base + (g.steep ? major * image.stride_bytes + begin * stride
+                                           : begin * stride + major * std::ptrdiff_t(sizeof(Pixel)));
+  float *along = &b.along[count], *across = &b.across[count], *grey = &b.grey[count];
+  const float along0 = static_cast<float>(a0 + drift * (begin - centre)), along1 = static_cast<float>(drift);
+  const float across0 = static_cast<float>(t0 + rate * (begin - centre)), across1 = static_cast<float>(rate);
   for (std::size_t i = 0; i < n; ++i, at += stride) {
     along[i] = along0 + along1 * static_cast<float>(i);
     across[i] = across0 + across1 * static_cast<float>(i);
-    grey[i] = static_cast<float>(*reinterpret_cast<const Pixel *>(at));
+    grey[i] = static_cast<float>(*reinterpret_cast<const Pixel*>(at));
   }
   count += n;
   b.column_start.push_back(static_cast<std::uint32_t>(count));
   b.column_along.push_back(static_cast<float>(a));
 }
 
-} // namespace
+}  // namespace
 
-std::size_t TakePixels(const GreyView &image, const StripFrame &f,
-                       std::span<const StripNeighbour> neighbours,
-                       const StripSettings &settings, double side_px,
-                       StripWindow window, StripBuffers &b) {
+std::size_t TakePixels(const GreyView& image, const StripFrame& f, std::span<const StripNeighbour> neighbours,
+                       const StripSettings& settings, double side_px, StripWindow window, StripBuffers& b) {
   b.column_along.clear(), b.obstacles.clear();
   b.column_start.assign(1, 0);
-  for (const auto &n : neighbours)
-    b.obstacles.push_back(ObstacleOf(n, settings.margin_px));
+  for (const auto& n : neighbours) b.obstacles.push_back(ObstacleOf(n, settings.margin_px));
   const StripGeometry g = GeometryOf(f);
   const int major = g.steep ? 1 : 0;
   const Vector2d p = f.middle + f.from * f.along, q = f.middle + f.to * f.along;
-  const double low = std::min(p[major], q[major]),
-               high = std::max(p[major], q[major]);
-  const double spare =
-      2 +
-      (g.bent ? std::max(std::abs(f.Sag(f.from)), std::abs(f.Sag(f.to))) : 0);
+  const double low = std::min(p[major], q[major]), high = std::max(p[major], q[major]);
+  const double spare = 2 + (g.bent ? std::max(std::abs(f.Sag(f.from)), std::abs(f.Sag(f.to))) : 0);
   const int size = g.steep ? image.height : image.width;
   const int begin = std::max(0, static_cast<int>(std::floor(low - spare))),
             end = std::min(size - 1, static_cast<int>(std::ceil(high + spare)));
   std::size_t count = 0;
   for (int m = begin; m <= end; m += settings.column_step) {
     if (image.bits == 8)
-      TakeColumn<std::uint8_t>(image, f, g, m, settings, side_px, window, b,
-                               count);
+      TakeColumn<std::uint8_t>(image, f, g, m, settings, side_px, window, b, count);
     else
-      TakeColumn<std::uint16_t>(image, f, g, m, settings, side_px, window, b,
-                                count);
+      TakeColumn<std::uint16_t>(image, f, g, m, settings, side_px, window, b, count);
   }
   return count;
 }
 
-} // namespace vss
+}  // namespace vss

@@ -14,36 +14,38 @@ inline constexpr int kStripLanes = 16;
 // The pixels as the sums see them.
 struct StripSamples {
   float *along, *across, *grey, *weight, *corner, *residual, *by_place;
-  std::size_t count; // a multiple of kStripLanes
+  std::size_t count;  // a multiple of kStripLanes
   bool dark_corners;
   float saturated;
 };
 
-template <int kEdges, bool kLinear> constexpr int NumStripParameters() {
+template <int kEdges, bool kLinear>
+constexpr int NumStripParameters() {
   return 2 * kEdges + 1 + kEdges + (kLinear ? 1 + kEdges : 0) + 1;
 }
 
 // Order of parameters: o, k of each edge; b, c of each edge; with kLinear their
 // slopes; blur.
 struct StripModel {
-  float offset[2], slope[2]; // along counted in half lengths
-  float level[2], contrast[2], contrast_slope[2]; // level[1]: its slope
+  float offset[2], slope[2];                       // along counted in half lengths
+  float level[2], contrast[2], contrast_slope[2];  // level[1]: its slope
   float blur;
 };
 
-template <int P> struct StripSums { double h[P][P], g[P], residual2, weight; };
+template <int P>
+struct StripSums {
+  double h[P][P], g[P], residual2, weight;
+};
 
 // What the corner leaves of the edge at each pixel is multiplied by Phi of the
 // depth behind the corner's line, which is `at` + `by_along` a + `by_across` t.
-void MultiplyCorner(const StripSamples &in, float at, float by_along,
-                    float by_across, Simd simd);
+void MultiplyCorner(const StripSamples& in, float at, float by_along, float by_across, Simd simd);
 
 // `stride`: every so many lots of kStripLanes pixels take part. With 1,
 // residual and by_place (the model's derivative by the first edge's place) of
 // every pixel are filled in too. Instantiated for one edge and two.
 template <int kEdges, bool kLinear>
-void AccumulateStrip(const StripSamples &in, const StripModel &model,
-                     int stride, Simd simd,
-                     StripSums<NumStripParameters<kEdges, kLinear>()> &out);
+void AccumulateStrip(const StripSamples& in, const StripModel& model, int stride, Simd simd,
+                     StripSums<NumStripParameters<kEdges, kLinear>()>& out);
 
-} // namespace vss
+}  // namespace vss
