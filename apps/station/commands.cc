@@ -567,6 +567,10 @@ Result<FitQuestion> QuestionOf(Workspace& w, const Json& body) {
   }
   const Json& picks = body.at("picks");
   if (picks.size() > kMaxPicks) return UsageError("{} picked lines are more than the {} that a fit takes", picks.size(), kMaxPicks);
+  std::set<int> images;
+  for (const auto& p : picks)
+    if (const auto image = IntOf(p, "image")) images.insert(*image);
+  w.PrepareLines({images.begin(), images.end()});
   std::map<int, std::shared_ptr<const EditedLines>> lines;  // of the pictures with picks
   for (const auto& p : picks) {
     VSS_ASSIGN(const int image, IntOf(p, "image"));

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "snap.h"
+#include "vss/base/parallel.h"
 #include "vss/product/make_part.h"
 
 namespace vss::station {
@@ -236,6 +237,10 @@ Result<std::shared_ptr<const EditedLines>> Workspace::Lines(int image) {
   Found& known = found_[std::size_t(image)];
   if (known.lines == found) known.edited = edited, known.edit_version = version;
   return std::shared_ptr<const EditedLines>(edited);
+}
+
+void Workspace::PrepareLines(const std::vector<int>& images) {
+  ParallelFor(images.size(), options_.threads, [&](std::size_t i) { (void)Lines(images[i]); });  // who asks for them hears why not
 }
 
 std::vector<StationPart> Workspace::Parts() const {

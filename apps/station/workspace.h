@@ -46,6 +46,8 @@ class Workspace {
   Store& store() { return *store_; }
 
   Result<std::shared_ptr<const EditedLines>> Lines(int image);
+  // Finds the lines of those pictures side by side, where they are not known yet.
+  void PrepareLines(const std::vector<int>& images);
   std::vector<StationPart> Parts() const;
   // The part of that id, with the version of its item.
   Result<std::pair<StationPart, std::int64_t>> FindPart(const std::string& id) const;
