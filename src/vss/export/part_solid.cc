@@ -31,7 +31,8 @@ Result<std::vector<double>> DimensionsOf(const Part& part, const ObjectModel& mo
 Result<std::vector<PartSolid>> SolidsOfProduct(const Product& product, const KnowledgeBase& knowledge) {
   std::vector<PartSolid> solids;
   for (const auto& part : product.parts) {
-    const ObjectModel* model = knowledge.Find(part.kind);
+    const ObjectModel* model = knowledge.Find(part.kind, part.features);
+    if (model == nullptr) model = knowledge.Find(part.kind);
     if (model == nullptr)
       return InputError(
           "{} is a {}, which the knowledge base does not describe; name its file with --knowledge, or export "
