@@ -28,4 +28,7 @@ done
 while IFS=: read -r file line _; do
   complain "$file:$line: a header includes OpenCV, Ceres, toml++, JSON or CLI11, which have a home in source files only"
 done < <(grep -rnE '#include <(opencv2|ceres|toml\+\+|nlohmann|CLI|spdlog)/' "$source/src/vss" --include='*.h' || true)
+while IFS=: read -r file line _; do
+  complain "$file:$line: Open CASCADE's headers are included in the room export alone"
+done < <(grep -rnE '#include <[A-Za-z0-9_]+\.hxx>' "$source/src/vss" --include='*.h' --include='*.cc' | grep -v '/vss/export/' || true)
 exit $failed

@@ -503,6 +503,23 @@ Result<Edit> SetParameters(const Context& c) {
   return Edit{label, {{"settings", "parameters", values, c.version}}};
 }
 
+// The cameras of the last calibration become those of the survey.
+Result<Edit> TakeCameras(const Context& c) {
+  const auto last = c.workspace.store().Get("calibration", "last");
+  if (!last) return UsageError("nothing was calibrated yet");
+  const auto before = c.workspace.store().Get("settings", "cameras");
+  Json files = before ? before->value->at("files") : Json::object();  // a calibration of other cameras stays in use
+  files.update(last->value->at("files"));
+  VSS_ASSIGN([[maybe_unused]] const Survey checked, SurveyWithCameras(c.workspace.survey(), files));
+  const std::string job = last->value->at("job");
+  return Edit{fmt::format("take over the cameras of {}", job), {{"settings", "cameras", Json{{"job", job}, {"calibration", last->version}, {"files", files}}, c.version}}};
+}
+
+Result<Edit> OwnCameras(const Context& c) {
+  if (!c.workspace.store().Get("settings", "cameras")) return UsageError("the survey's own cameras are in use");
+  return Edit{"use the survey's own cameras", {{"settings", "cameras", std::nullopt, c.version}}};
+}
+
 struct Command {
   const char* name;
   Result<Edit> (*run)(const Context&);
@@ -512,15 +529,16 @@ constexpr Command kCommands[] = {
     {"refit_part", RefitPart}, {"measure_part", MeasurePart},   {"change_kind", ChangeKind}, {"split_part", SplitPart},     {"merge_parts", MergeParts},
     {"draw_line", DrawLine},     {"remove_line", RemoveLine}, {"split_line", SplitLine},     {"merge_lines", MergeLines},
     {"extend_line", ExtendLine}, {"set_parameters", SetParameters},
+    {"take_cameras", TakeCameras}, {"own_cameras", OwnCameras},
 };
 
 std::string Who(const Request& request) { return request.who.empty() ? "operator" : request.who; }
 
 Response Told(Workspace& w, const StoreResult<std::int64_t>& revision, const Request& request, Json answer, const std::function<void(const Json&)>& tell) {
   if (!revision) return AnswerOf(revision.error());
+  w.UseCameras();
   answer["revision"] = *revision;
   if (tell) tell({{"type", "edit"}, {"revision", *revision}, {"who", Who(request)}});
-  (void)w;
   return AnswerOf(answer);
 }
 
@@ -549,11 +567,17 @@ Result<FitQuestion> QuestionOf(Workspace& w, const Json& body) {
   }
   const Json& picks = body.at("picks");
   if (picks.size() > kMaxPicks) return UsageError("{} picked lines are more than the {} that a fit takes", picks.size(), kMaxPicks);
+  std::set<int> images;
+  for (const auto& p : picks)
+    if (const auto image = IntOf(p, "image")) images.insert(*image);
+  w.PrepareLines({images.begin(), images.end()});
+  std::map<int, std::shared_ptr<const EditedLines>> lines;  // of the pictures with picks
   for (const auto& p : picks) {
     VSS_ASSIGN(const int image, IntOf(p, "image"));
     VSS_ASSIGN(const int line, IntOf(p, "line"));
     VSS_ASSIGN(const int contour, IntOf(p, "contour"));
-    VSS_ASSIGN(auto pick, w.MakePick(image, line, contour, p.value("circle", false)));
+    if (!lines.contains(image)) { VSS_ASSIGN(lines[image], w.Lines(image)); }
+    VSS_ASSIGN(auto pick, MakePick(*lines[image], w.image_files()[std::size_t(image)], image, line, contour, p.value("circle", false)));
     q.picks.push_back(std::move(pick));
   }
   if (body.contains("image")) { VSS_ASSIGN(q.present_image, IntOf(body, "image")); }
@@ -597,8 +621,12 @@ Response RunCommand(Workspace& w, const Request& request, const Json& body, cons
   const std::string name = body.value("do", "");
   if (name == "undo") return Told(w, w.store().Undo(Who(request), OptionalNumber(body, "edit")), request, Json::object(), tell);
   if (name == "redo") return Told(w, w.store().Redo(Who(request), OptionalNumber(body, "edit")), request, Json::object(), tell);
-  if (name == "run") {
-    const auto started = w.StartRun(Who(request), [tell](const Json& run) { tell({{"type", "run"}, {"run", run}}); });
+  if (name == "run" || name == "calibrate") {
+    const auto say = [tell](const Json& run) {
+      if (tell) tell({{"type", "run"}, {"run", run}});
+    };
+    const auto started = name == "run" ? w.StartRun(Who(request), say)
+                                       : w.StartCalibration(Who(request), body.at("job").get<std::string>(), body.value("model", "weng"), body.value("values", Json::object()), say);
     if (!started) return AnswerOf(started.error());
     return {202, "application/json", "{}", {}};
   }

@@ -5,12 +5,14 @@
 #include <cmath>
 #include <fstream>
 
+#include "calibration.h"
 #include "commands.h"
 #include "snap.h"
 #include "station_manual.h"
 #include "station_page.h"
 #include "vss/base/files.h"
 #include "vss/base/output_folder.h"
+#include "vss/export/export.h"
 #include "vss/image/grey_image.h"
 #include "vss/image/thumbnail.h"
 
@@ -50,6 +52,13 @@ std::string TypeOf(std::string_view name) {
 // What the browser keeps as a file.
 Response File(std::string type, const std::string& name, std::string text) {
   return {200, std::move(type), std::move(text), {{"Content-Disposition", fmt::format("attachment; filename=\"{}\"", name)}}};
+}
+
+Json ParametersJson(const std::vector<ParameterInfo>& parameters) {
+  Json list = Json::array();
+  for (const auto& p : parameters)
+    list.push_back({{"name", p.name}, {"type", p.type}, {"unit", p.unit}, {"help", p.help}, {"min", p.min}, {"max", p.max}, {"default", p.default_value}, {"value", p.value}});
+  return list;
 }
 
 double Round(double v, double unit) { return std::round(v / unit) * unit; }
@@ -162,6 +171,9 @@ Response Routes::Dispatch(const Request& request) {
   if (name == "manual") return station::AnswerOf(Manual());
   if (name.rfind("manual/", 0) == 0) return ManualPicture(name.substr(7));
   if (name == "product.json") return File("application/json", "product.json", ProductToJson(workspace_.ProductNow(), workspace_.image_files()));
+  if (name.rfind("export/", 0) == 0) return Exported(name.substr(7));
+  if (name == "calibration") return station::AnswerOf(CalibrationJobs());
+  if (name.rfind("calibration/", 0) == 0) return Calibrated(name.substr(12));
   if (name == "report.html") {
     auto report = workspace_.Report();
     return report ? File("text/html; charset=utf-8", "report.html", std::move(report->html)) : station::AnswerOf(report.error());
@@ -239,7 +251,7 @@ Json Routes::SurveyInfo() const {
     cameras.push_back({{"id", c.id}, {"width", c.width_px}, {"height", c.height_px}, {"fx", c.intrinsics.fx_px}, {"fy", c.intrinsics.fy_px},
                        {"cx", c.intrinsics.cx_px}, {"cy", c.intrinsics.cy_px},
                        {"residual_px", c.quality ? Json(c.quality->residual_px) : Json()}});
-  return {{"name", s.name}, {"images", images}, {"cameras", cameras}, {"warnings", s.warnings}, {"version", VSS_VERSION}};
+  return {{"name", s.name}, {"images", images}, {"cameras", cameras}, {"warnings", s.warnings}, {"step", CanWriteStep()}, {"version", VSS_VERSION}};
 }
 
 Json Routes::State(std::int64_t since) const {
@@ -247,14 +259,14 @@ Json Routes::State(std::int64_t since) const {
   Json items = Json::array();
   for (const auto& item : workspace_.store().Since(since)) {
     if (since == 0 && !item.value) continue;
-    items.push_back({{"kind", item.kind}, {"id", item.id}, {"value", item.value ? *item.value : Json()}, {"version", item.version}});
+    Json value = item.value ? *item.value : Json();
+    if (item.kind == "calibration" && item.value) value = WithoutFiles(std::move(value));
+    items.push_back({{"kind", item.kind}, {"id", item.id}, {"value", std::move(value)}, {"version", item.version}});
   }
   Json parameters = Json::array();
-  if (const auto options = workspace_.Options())
-    for (const auto& p : SurveyParameters(*options))
-      parameters.push_back({{"name", p.name}, {"type", p.type}, {"unit", p.unit}, {"help", p.help}, {"min", p.min}, {"max", p.max}, {"default", p.default_value}, {"value", p.value}});
+  if (const auto options = workspace_.Options()) parameters = ParametersJson(SurveyParameters(*options));
   return {{"revision", undo.revision}, {"since", since}, {"items", items}, {"undo", UndoJson(undo.undo_edit, undo.undo_label)},
-          {"redo", UndoJson(undo.redo_edit, undo.redo_label)}, {"run", workspace_.RunState()}, {"parameters", parameters}};
+          {"redo", UndoJson(undo.redo_edit, undo.redo_label)}, {"run", workspace_.RunState()}, {"stale", workspace_.RunIsOfOtherCameras()}, {"parameters", parameters}};
 }
 
 Result<Json> Routes::LinesOf(int image) {
@@ -331,6 +343,40 @@ Json Routes::Knowledge() const {
     list.push_back({{"kind", o->kind()}, {"title", o->title()}, {"dimensions", dimensions}, {"resting_poses", poses}});
   }
   return {{"objects", list}};
+}
+
+// workpiece.step, workpiece.glb, parts.csv, seams.csv: as `vss export` writes them.
+Response Routes::Exported(const std::string& name) const {
+  static const std::map<std::string, std::pair<std::string, std::string>> kFiles = {  // name: format, type
+      {"workpiece.step", {"step", "model/step"}}, {"workpiece.glb", {"glb", "model/gltf-binary"}}, {"parts.csv", {"csv", "text/csv; charset=utf-8"}}, {"seams.csv", {"csv", "text/csv; charset=utf-8"}}};
+  const auto file = kFiles.find(name);
+  if (file == kFiles.end()) return NotFound("there is no such export");
+  auto files = ExportProduct(workspace_.ProductNow(), workspace_.knowledge(), std::vector<std::string>{file->second.first});
+  if (!files) return station::AnswerOf(files.error());
+  for (auto& one : *files)
+    if (one.name == name) return File(file->second.second, name, std::move(one.content));
+  return NotFound("there is no such export");
+}
+
+Json Routes::CalibrationJobs() const {
+  Json jobs = Json::array();
+  for (const auto& job : FindCalibrationJobs(workspace_.survey().folder)) jobs.push_back(job.name);
+  std::vector<ParameterInfo> parameters;
+  ListParameters(CalibrationParameters(), CalibrationOptions{}, parameters);
+  return {{"jobs", jobs}, {"parameters", ParametersJson(parameters)}};
+}
+
+// report.html (to look at), calibration.json and cameras/ID.toml of the last calibration.
+Response Routes::Calibrated(const std::string& name) const {
+  const auto item = workspace_.store().Get("calibration", "last");
+  if (!item) return NotFound("nothing was calibrated yet");
+  const Json& last = *item->value;
+  if (name == "report.html") return {200, "text/html; charset=utf-8", last.at("report").get<std::string>(), {}};
+  if (name == "calibration.json") return File("application/json", name, last.at("json").get<std::string>());
+  const Json& files = last.at("files");
+  for (const auto& [id, text] : files.items())
+    if (name == "cameras/" + id + ".toml") return File("application/toml", id + ".toml", text.get<std::string>());
+  return NotFound("the calibration has no such file");
 }
 
 Result<Json> Routes::Drawing(const Json& body) const {

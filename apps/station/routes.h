@@ -26,6 +26,9 @@ class Routes {
   Result<Json> ProjectionOf(int image);
   Result<Json> Scene();
   Json Knowledge() const;
+  Response Exported(const std::string& name) const;
+  Json CalibrationJobs() const;
+  Response Calibrated(const std::string& name) const;
   Result<Json> Drawing(const Json& body) const;
   Result<Json> Measure(const Request& request) const;
   Json History(const Request& request) const;

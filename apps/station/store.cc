@@ -256,6 +256,12 @@ std::optional<Item> Store::Get(const std::string& kind, const std::string& id) c
   return item && item->value ? item : std::nullopt;
 }
 
+std::int64_t Store::Version(const std::string& kind, const std::string& id) const {
+  std::lock_guard guard(impl_->mutex);
+  Statement s(impl_->db, "SELECT version FROM item WHERE kind = ? AND id = ?");
+  return s.Bind(kind).Bind(id).Step() ? s.Int(0) : 0;
+}
+
 std::vector<Item> Store::List(const std::string& kind) const {
   std::lock_guard guard(impl_->mutex);
   std::vector<Item> out;

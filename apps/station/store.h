@@ -73,6 +73,8 @@ class Store {
   StoreResult<std::int64_t> Redo(const std::string& who, std::optional<std::int64_t> seen_edit);
 
   std::optional<Item> Get(const std::string& kind, const std::string& id) const;
+  // The revision at which the item changed last, deleted ones included; 0: never.
+  std::int64_t Version(const std::string& kind, const std::string& id) const;
   // Items of that kind that are there, by id.
   std::vector<Item> List(const std::string& kind) const;
   // Items that changed after `revision`, deleted ones included.

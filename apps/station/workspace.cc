@@ -5,6 +5,7 @@
 #include <set>
 
 #include "snap.h"
+#include "vss/base/parallel.h"
 #include "vss/product/make_part.h"
 
 namespace vss::station {
@@ -158,11 +159,13 @@ std::string DoubtOf(const Part& part) {
 Result<std::unique_ptr<Workspace>> Workspace::Open(const std::filesystem::path& folder, const WorkspaceOptions& options) {
   std::unique_ptr<Workspace> w(new Workspace);
   w->options_ = options;
-  VSS_ASSIGN(w->survey_, ReadSurvey(folder));
-  VSS_ASSIGN(w->knowledge_, LoadKnowledge(w->survey_.knowledge, w->survey_.folder));
-  w->image_files_ = ImageFiles(w->survey_);
-  w->found_.resize(w->survey_.images.size());
-  VSS_ASSIGN(w->store_, Store::Open(w->survey_.folder));
+  VSS_ASSIGN(w->own_survey_, ReadSurvey(folder));
+  w->survey_ = &w->own_survey_;
+  VSS_ASSIGN(w->knowledge_, LoadKnowledge(w->survey().knowledge, w->survey().folder));
+  w->image_files_ = ImageFiles(w->survey());
+  w->found_.resize(w->survey().images.size());
+  VSS_ASSIGN(w->store_, Store::Open(w->survey().folder));
+  w->UseCameras();
   VSS_ASSIGN([[maybe_unused]] auto checked, w->Options());
   return w;
 }
@@ -173,7 +176,7 @@ Workspace::~Workspace() {
 }
 
 Result<SurveyOptions> Workspace::Options() const {
-  VSS_ASSIGN(auto options, OptionsOf(survey_));
+  VSS_ASSIGN(auto options, OptionsOf(survey()));
   if (const auto item = store_->Get("settings", "parameters"))
     for (const auto& [name, value] : item->value->items()) VSS_RETURN_IF_ERROR(SetSurveyParameter(name, value.get<double>(), options));
   options.threads = options_.threads;
@@ -181,53 +184,63 @@ Result<SurveyOptions> Workspace::Options() const {
 }
 
 SurveyOptions Workspace::OptionsOfLastRun(std::int64_t* version) const {
-  SurveyOptions options = OptionsOf(survey_).value_or(SurveyOptions{});
-  *version = 0;
+  *version = store_->Version("settings", "run");
+  {
+    std::lock_guard lock(mutex_);
+    if (last_options_.first == *version) return last_options_.second;
+  }
+  SurveyOptions options = OptionsOf(survey()).value_or(SurveyOptions{});
   if (const auto item = store_->Get("settings", "run")) {
-    *version = item->version;
     const Json parameters = item->value->value("parameters", Json::object());
     for (const auto& [name, value] : parameters.items())
       (void)SetSurveyParameter(name, value.get<double>(), options);  // a parameter that this program no longer has changes nothing
   }
+  std::lock_guard lock(mutex_);
+  last_options_ = {*version, options};
   return options;
 }
 
 Result<std::shared_ptr<const LineImage>> Workspace::FoundLines(int image) {
+  const Survey& survey = this->survey();
   std::int64_t version = 0;
   SurveyOptions options = OptionsOfLastRun(&version);
   {
     std::lock_guard lock(mutex_);
     const Found& found = found_[std::size_t(image)];
-    if (found.lines && found.run_version == version) return found.lines;
+    if (found.lines && found.run_version == version && found.survey == &survey) return found.lines;
   }
-  Survey one = survey_;
-  one.images = {survey_.images[std::size_t(image)]};
+  Survey one = survey;
+  one.images = {survey.images[std::size_t(image)]};
   options.threads = 1;
   VSS_ASSIGN(const auto pictures, ReadSurveyPictures(one, 1, Progress{}));
   VSS_ASSIGN(auto lines, DetectSurveyLines(one, pictures, options, Progress{}));
   auto shared = std::make_shared<const LineImage>(std::move(lines.front()));
   std::lock_guard lock(mutex_);
-  found_[std::size_t(image)] = {version, shared, -1, nullptr};
+  found_[std::size_t(image)] = {version, &survey, shared, -1, nullptr};
   return shared;
 }
 
 Result<std::shared_ptr<const EditedLines>> Workspace::Lines(int image) {
-  if (image < 0 || std::size_t(image) >= survey_.images.size()) return UsageError("there is no picture number {}", image);
+  if (image < 0 || std::size_t(image) >= survey().images.size()) return UsageError("there is no picture number {}", image);
   VSS_ASSIGN(const auto found, FoundLines(image));
-  const auto item = store_->Get("lines", image_files_[std::size_t(image)]);
-  const std::int64_t version = item ? item->version : 0;
+  const std::int64_t version = store_->Version("lines", image_files_[std::size_t(image)]);
   {
     std::lock_guard lock(mutex_);
     const Found& known = found_[std::size_t(image)];
     if (known.lines == found && known.edited && known.edit_version == version) return known.edited;
   }
-  const Camera& camera = survey_.cameras[std::size_t(survey_.images[std::size_t(image)].camera)];
+  const auto item = store_->Get("lines", image_files_[std::size_t(image)]);
+  const Camera& camera = survey().cameras[std::size_t(survey().images[std::size_t(image)].camera)];
   auto edited = std::make_shared<EditedLines>(Edit(*found, item ? *item->value : Json::object(), camera.intrinsics));
   edited->version = version;
   std::lock_guard lock(mutex_);
   Found& known = found_[std::size_t(image)];
   if (known.lines == found) known.edited = edited, known.edit_version = version;
   return std::shared_ptr<const EditedLines>(edited);
+}
+
+void Workspace::PrepareLines(const std::vector<int>& images) {
+  ParallelFor(images.size(), options_.threads, [&](std::size_t i) { (void)Lines(images[i]); });  // who asks for them hears why not
 }
 
 std::vector<StationPart> Workspace::Parts() const {
@@ -245,9 +258,10 @@ Result<std::pair<StationPart, std::int64_t>> Workspace::FindPart(const std::stri
 }
 
 std::vector<View> Workspace::Views() const {
-  std::vector<View> views = MakeViews(survey_, std::vector<LineImage>(survey_.images.size()));
+  std::vector<View> views = MakeViews(survey(), std::vector<LineImage>(survey().images.size()));
   const auto run = store_->Get("settings", "run");
-  const Json places = run ? run->value->value("cam_from_world", Json::array()) : Json::array();
+  // Places that a run found hold for the cameras that it was made with.
+  const Json places = run && !RunIsOfOtherCameras() ? run->value->value("cam_from_world", Json::array()) : Json::array();
   for (auto& view : views) {
     const bool known = places.size() == views.size();
     const RigidTransform cam_from_world = known ? TransformFromJson(places[std::size_t(view.image)]) : view.cam_from_world;
@@ -256,15 +270,14 @@ std::vector<View> Workspace::Views() const {
   return views;
 }
 
-Result<Pick> Workspace::MakePick(int image, int line, int contour, bool is_circle) {
-  VSS_ASSIGN(const auto lines, Lines(image));
+Result<Pick> MakePick(const EditedLines& lines, const std::string& file, int image, int line, int contour, bool is_circle) {
   Pick pick;
   if (is_circle) {
-    if (line < 0 || std::size_t(line) >= lines->found.arcs.size()) return UsageError("picture {} has no arc number {}", image_files_[std::size_t(image)], line);
-    pick = PickOfArc(image, line, lines->found.arcs[std::size_t(line)]);
+    if (line < 0 || std::size_t(line) >= lines.found.arcs.size()) return UsageError("picture {} has no arc number {}", file, line);
+    pick = PickOfArc(image, line, lines.found.arcs[std::size_t(line)]);
   } else {
-    const LineSegment* segment = lines->Find(line);
-    if (!segment) return UsageError("picture {} has no line number {}; it may have been removed", image_files_[std::size_t(image)], line);
+    const LineSegment* segment = lines.Find(line);
+    if (!segment) return UsageError("picture {} has no line number {}; it may have been removed", file, line);
     pick = PickOfSegment(image, line, *segment);
   }
   pick.contour = contour;
@@ -284,8 +297,8 @@ std::vector<Pick> Workspace::PicksOf(int image) {
 
 Product Workspace::ProductNow() const {
   Product product;
-  product.survey = survey_.name;
-  product.warnings = survey_.warnings;
+  product.survey = survey().name;
+  product.warnings = survey().warnings;
   for (auto& p : Parts()) product.parts.push_back(std::move(p.part));
   std::int64_t version = 0;
   product.seams = FindSeams(product, knowledge_, OptionsOfLastRun(&version).seams);
@@ -300,8 +313,8 @@ Product Workspace::ProductNow() const {
 Result<Part> Workspace::Measured(const Part& part) const {
   std::int64_t version = 0;
   const SurveyOptions options = OptionsOfLastRun(&version);
-  const std::vector<LineImage> no_lines(survey_.images.size());
-  const std::vector<View> views = MakeViews(survey_, no_lines);
+  const std::vector<LineImage> no_lines(survey().images.size());
+  const std::vector<View> views = MakeViews(survey(), no_lines);
   std::vector<IdentifiedPart> found;
   std::map<std::string, int> index;
   std::vector<StationPart> parts = Parts();
@@ -319,7 +332,7 @@ Result<Part> Workspace::Measured(const Part& part) const {
     if (const auto at = index.find(parts[i].part.stands_on); at != index.end()) found[i].stands_on = at->second;
   const auto mine = index.find(part.id);
   if (mine == index.end()) return UsageError("the knowledge base has no kind \"{}\"; it cannot be measured", part.kind);
-  VSS_ASSIGN(const auto pictures, ReadSurveyPictures(survey_, options_.threads, Progress{}));
+  VSS_ASSIGN(const auto pictures, ReadSurveyPictures(survey(), options_.threads, Progress{}));
   std::vector<GreyView> grey;
   for (const auto& picture : pictures) grey.push_back(picture.view());
   VSS_ASSIGN(const Reconstruction all, ReconstructScene(views, grey, found, options.reconstruct, options_.threads, Progress{}));
@@ -336,8 +349,8 @@ Result<Part> Workspace::Measured(const Part& part) const {
 Result<ReportFiles> Workspace::Report() {
   Product product = ProductNow();
   std::vector<LineImage> lines;
-  std::vector<std::vector<int>> numbers(survey_.images.size());
-  for (std::size_t i = 0; i < survey_.images.size(); ++i) {
+  std::vector<std::vector<int>> numbers(survey().images.size());
+  for (std::size_t i = 0; i < survey().images.size(); ++i) {
     VSS_ASSIGN(const auto edited, Lines(int(i)));
     lines.push_back(FlatLines(*edited, &numbers[i]));
   }
@@ -362,8 +375,8 @@ Result<ReportFiles> Workspace::Report() {
   if (const auto run = store_->Get("settings", "run"))
     for (const auto& s : run->value->value("steps", Json::array())) input.step_seconds.emplace_back(s.value("step", ""), s.value("seconds", 0.0));
   input.parameters = SurveyParameters(OptionsOfLastRun(&version));
-  input.picture = [this](int image) { return ReadSurveyPicture(survey_, image); };
-  input.num_cameras = int(survey_.cameras.size());
+  input.picture = [this](int image) { return ReadSurveyPicture(survey(), image); };
+  input.num_cameras = int(survey().cameras.size());
   return MakeReport(input, options_.threads);
 }
 
@@ -420,65 +433,134 @@ void Workspace::Tell(const std::function<void(const Json&)>& tell, Json state) {
   if (tell) tell(state);
 }
 
-Status Workspace::StartRun(const std::string& who, std::function<void(const Json&)> tell) {
-  VSS_ASSIGN(const SurveyOptions options, Options());
+Status Workspace::Start(const char* job, Work work, std::function<void(const Json&)> tell) {
   {
     std::lock_guard lock(mutex_);
-    if (run_state_["state"] == "running") return UsageError("a run is under way; wait for it or cancel it");
-    run_state_ = {{"state", "running"}, {"step", "start"}, {"done", 0}, {"total", 1}};
+    if (run_state_["state"] == "running") return UsageError("a {} is under way; wait for it or cancel it", run_state_.value("job", "run"));
+    run_state_ = {{"job", job}, {"state", "running"}, {"step", "start"}, {"done", 0}, {"total", 1}};
   }
   if (runner_.joinable()) runner_.join();
   cancel_ = false;
-  runner_ = std::thread([this, who, options, tell = std::move(tell)] { Run(who, options, tell); });
+  runner_ = std::thread([this, job = std::string(job), work = std::move(work), tell = std::move(tell)] {
+    const auto say = [&](Json state) {
+      state["job"] = job;
+      Tell(tell, std::move(state));
+    };
+    Progress progress;
+    progress.cancel = &cancel_;
+    progress.report = [&](std::string_view step, int done, int total) { say({{"state", "running"}, {"step", step}, {"done", done}, {"total", total}}); };
+    const auto outcome = [&]() -> Result<Json> {
+      try {
+        return work(progress);
+      } catch (const std::exception& e) {
+        return tl::unexpected<Error>({ErrorCode::kInternal, e.what()});
+      }
+    }();
+    if (!outcome) return say({{"state", outcome.error().code == ErrorCode::kCancelled ? "cancelled" : "failed"}, {"message", outcome.error().message}});
+    Json done = *outcome;
+    done["state"] = "done";
+    say(std::move(done));
+  });
   return {};
 }
 
-void Workspace::KeepLines(std::vector<LineImage> lines, std::int64_t run_version) {
-  std::lock_guard lock(mutex_);
-  for (std::size_t i = 0; i < lines.size(); ++i) found_[i] = {run_version, std::make_shared<const LineImage>(std::move(lines[i])), -1, nullptr};
+Status Workspace::StartRun(const std::string& who, std::function<void(const Json&)> tell) {
+  VSS_ASSIGN(const SurveyOptions options, Options());
+  return Start("survey", [this, who, options](const Progress& progress) { return Run(who, options, progress); }, std::move(tell));
 }
 
-void Workspace::Run(const std::string& who, const SurveyOptions& options, const std::function<void(const Json&)>& tell) {
-  Progress progress;
-  progress.cancel = &cancel_;
-  progress.report = [&](std::string_view step, int done, int total) {
-    Tell(tell, {{"state", "running"}, {"step", step}, {"done", done}, {"total", total}});
-  };
-  auto fail = [&](const Error& e) { Tell(tell, {{"state", e.code == ErrorCode::kCancelled ? "cancelled" : "failed"}, {"message", e.message}}); };
-  try {
-    auto outcome = RunSurvey(survey_, options, progress);
-    if (!outcome) return fail(outcome.error());
-    Json run = {{"parameters", Json::object()}, {"unknown", Json::array()}, {"steps", Json::array()}, {"warnings", outcome->product.warnings}};
-    for (const auto& p : SurveyParameters(options)) run["parameters"][p.name] = p.value;
-    for (const auto& u : outcome->product.unknown) run["unknown"].push_back(JsonOfUnknown(u));
-    for (const auto& t : outcome->cam_from_world) run["cam_from_world"].push_back({{"rotation", JsonOf(t.rotation)}, {"translation", JsonOf(t.translation)}});
-    for (const auto& s : outcome->steps) run["steps"].push_back({{"step", s.step}, {"seconds", s.seconds}});
-    std::vector<Change> changes = ChangesOfProduct(outcome->product);
-    changes.push_back({"settings", "run", run, {}});
-    const auto revision = store_->Apply(who, fmt::format("survey: {} parts", outcome->product.parts.size()), changes);
-    if (!revision) return fail({ErrorCode::kInternal, revision.error().message});
-    KeepLines(std::move(outcome->lines), *revision);
-    Tell(tell, {{"state", "done"}, {"message", fmt::format("{} parts found", outcome->product.parts.size())}, {"revision", *revision}});
-  } catch (const std::exception& e) {
-    fail({ErrorCode::kInternal, e.what()});
+Status Workspace::StartCalibration(const std::string& who, const std::string& name, const std::string& model, const Json& values, std::function<void(const Json&)> tell) {
+  const auto jobs = FindCalibrationJobs(survey().folder);
+  const auto file = std::find_if(jobs.begin(), jobs.end(), [&](const auto& j) { return j.name == name; });
+  if (file == jobs.end()) return UsageError("there is no calibration job \"{}\" in the survey's folder or beside it", name.substr(0, 200));
+  if (model != "weng" && model != "opencv") return UsageError("there is no lens model \"{}\"; choose weng or opencv", model.substr(0, 40));
+  CalibrationOptions options;
+  options.opencv = model == "opencv";
+  for (const auto& [parameter, value] : values.items()) {
+    VSS_ASSIGN(const bool known, SetParameter(CalibrationParameters(), parameter, value.get<double>(), options));
+    if (!known) return UsageError("calibration has no parameter {}", parameter.substr(0, 60));
   }
+  VSS_ASSIGN(const CalibrationJob job, ReadCalibrationJob(file->path));
+  return Start(
+      "calibration",
+      [this, who, name, model, options, job](const Progress& progress) -> Result<Json> {
+        VSS_ASSIGN(const Calibration calibration, Calibrate(job, options, options_.threads, progress));
+        std::string ids;
+        for (const auto& c : calibration.cameras) ids += (ids.empty() ? "" : ", ") + c.camera.id;
+        const auto revision = store_->Apply(who, fmt::format("calibrate {} ({})", ids, name), {{"calibration", "last", JsonOf(calibration, name, model), {}}});
+        if (!revision) return tl::unexpected<Error>({ErrorCode::kInternal, revision.error().message});
+        return Json{{"message", ids}, {"revision", *revision}};
+      },
+      std::move(tell));
+}
+
+std::string Workspace::CamerasInUse() const {
+  const auto item = store_->Get("settings", "cameras");
+  return item ? item->value->at("files").dump() : std::string();
+}
+
+bool Workspace::RunIsOfOtherCameras() const {
+  const auto run = store_->Get("settings", "run");
+  return run && run->value->value("cameras", "") != CamerasInUse();
+}
+
+void Workspace::UseCameras() {
+  const std::string files = CamerasInUse();
+  std::lock_guard lock(mutex_);
+  if (files.empty()) {
+    survey_ = &own_survey_;
+    return;
+  }
+  auto& survey = with_cameras_[files];
+  if (!survey) {
+    auto read = SurveyWithCameras(own_survey_, Json::parse(files));
+    if (!read) {
+      read = own_survey_;
+      read->warnings.push_back("the cameras that were taken over do not fit the survey, and its own are used; calibrate again");
+    }
+    survey = std::make_unique<const Survey>(std::move(*read));
+  }
+  survey_ = survey.get();
+}
+
+void Workspace::KeepLines(const Survey& survey, std::vector<LineImage> lines, std::int64_t run_version) {
+  std::lock_guard lock(mutex_);
+  for (std::size_t i = 0; i < lines.size(); ++i) found_[i] = {run_version, &survey, std::make_shared<const LineImage>(std::move(lines[i])), -1, nullptr};
+}
+
+Result<Json> Workspace::Run(const std::string& who, const SurveyOptions& options, const Progress& progress) {
+  const Survey& survey = this->survey();
+  const std::string cameras = CamerasInUse();
+  VSS_ASSIGN(auto outcome, RunSurvey(survey, options, progress));
+  const Product& product = outcome.product;
+  Json run = {{"parameters", Json::object()}, {"unknown", Json::array()}, {"steps", Json::array()}, {"warnings", product.warnings}, {"cameras", cameras}};
+  for (const auto& p : SurveyParameters(options)) run["parameters"][p.name] = p.value;
+  for (const auto& u : product.unknown) run["unknown"].push_back(JsonOfUnknown(u));
+  for (const auto& t : outcome.cam_from_world) run["cam_from_world"].push_back({{"rotation", JsonOf(t.rotation)}, {"translation", JsonOf(t.translation)}});
+  for (const auto& s : outcome.steps) run["steps"].push_back({{"step", s.step}, {"seconds", s.seconds}});
+  std::vector<Change> changes = ChangesOfProduct(product);
+  changes.push_back({"settings", "run", run, {}});
+  const auto revision = store_->Apply(who, fmt::format("survey: {} parts", product.parts.size()), changes);
+  if (!revision) return tl::unexpected<Error>({ErrorCode::kInternal, revision.error().message});
+  KeepLines(survey, std::move(outcome.lines), *revision);
+  return Json{{"message", fmt::format("{} parts found", product.parts.size())}, {"revision", *revision}};
 }
 
 bool Workspace::Inside(int image, const Vector2d& img) const {
-  const Camera& camera = survey_.cameras[std::size_t(survey_.images[std::size_t(image)].camera)];
+  const Camera& camera = survey().cameras[std::size_t(survey().images[std::size_t(image)].camera)];
   return img.x() >= -0.5 && img.y() >= -0.5 && img.x() <= camera.width_px - 0.5 && img.y() <= camera.height_px - 0.5;
 }
 
 Result<LineSegment> Workspace::Snap(int image, const Vector2d& start, const Vector2d& end) {
   VSS_ASSIGN(const auto lines, Lines(image));
-  const Camera& camera = survey_.cameras[std::size_t(survey_.images[std::size_t(image)].camera)];
+  const Camera& camera = survey().cameras[std::size_t(survey().images[std::size_t(image)].camera)];
   LineSegment drawn;
   drawn.start = start;
   drawn.end = end;
   if (const auto bad = BadDrawnLine(drawn)) return UsageError("this line cannot be taken: {}; draw it again", *bad);
   if (!Inside(image, start) || !Inside(image, end)) return UsageError("this line leaves the picture; draw it inside");
-  Survey one = survey_;
-  one.images = {survey_.images[std::size_t(image)]};
+  Survey one = survey();
+  one.images = {survey().images[std::size_t(image)]};
   VSS_ASSIGN(const auto pictures, ReadSurveyPictures(one, 1, Progress{}));
   return SnapToEdge(pictures.front().view(), camera.intrinsics, drawn);
 }

@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "calibration.h"
 #include "manual_fit.h"
 #include "part_json.h"
 #include "projection.h"
@@ -38,12 +39,15 @@ class Workspace {
   static Result<std::unique_ptr<Workspace>> Open(const std::filesystem::path& folder, const WorkspaceOptions& options);
   ~Workspace();
 
-  const Survey& survey() const { return survey_; }
+  // With the cameras that are in use; what it refers to stays as long as the workspace.
+  const Survey& survey() const { return *survey_.load(); }
   const KnowledgeBase& knowledge() const { return knowledge_; }
   const std::vector<std::string>& image_files() const { return image_files_; }
   Store& store() { return *store_; }
 
   Result<std::shared_ptr<const EditedLines>> Lines(int image);
+  // Finds the lines of those pictures side by side, where they are not known yet.
+  void PrepareLines(const std::vector<int>& images);
   std::vector<StationPart> Parts() const;
   // The part of that id, with the version of its item.
   Result<std::pair<StationPart, std::int64_t>> FindPart(const std::string& id) const;
@@ -53,7 +57,6 @@ class Workspace {
   // The values that the next run takes: defaults, then the survey file, then what the operator set.
   Result<SurveyOptions> Options() const;
 
-  Result<Pick> MakePick(int image, int line, int contour, bool is_circle);
   std::vector<Pick> PicksOf(int image);  // every line of the picture, contours unassigned
   // Whether `img` lies in the picture.
   bool Inside(int image, const Eigen::Vector2d& img) const;
@@ -71,30 +74,45 @@ class Workspace {
   // A run of the whole survey in the background; `tell` gets its progress as JSON. Parts that a person made, corrected
   // or confirmed stay as they are. The outcome is one edit, which can be undone.
   Status StartRun(const std::string& who, std::function<void(const Json&)> tell);
+  // A calibration in the background, of a job that FindCalibrationJobs names; its outcome is one edit. `model`: "weng" or
+  // "opencv"; `values`: of CalibrationParameters, by name.
+  Status StartCalibration(const std::string& who, const std::string& job, const std::string& model, const Json& values, std::function<void(const Json&)> tell);
+  // Puts the cameras that the store names ("settings", "cameras") into use: after each edit. Where they do not fit the
+  // survey any more its own stay, and its warnings say so.
+  void UseCameras();
   void CancelRun() { cancel_ = true; }
-  // {"state": "none", "running", "done", "failed" or "cancelled", "message", "step", "done", "total"}
+  // {"job": "survey" or "calibration", "state": "none", "running", "done", "failed" or "cancelled", "message", "step", "done", "total"}
   Json RunState() const;
+  // Was the last run made with other cameras than those in use?
+  bool RunIsOfOtherCameras() const;
   // The changes that put `product` in the place of the automatic parts.
   std::vector<Change> ChangesOfProduct(const Product& product) const;
 
  private:
   Workspace() = default;
-  void Run(const std::string& who, const SurveyOptions& options, const std::function<void(const Json&)>& tell);
-  void KeepLines(std::vector<LineImage> lines, std::int64_t run_version);
+  using Work = std::function<Result<Json>(const Progress& progress)>;  // the answer: what else to tell
+  Status Start(const char* job, Work work, std::function<void(const Json&)> tell);
+  Result<Json> Run(const std::string& who, const SurveyOptions& options, const Progress& progress);
+  std::string CamerasInUse() const;  // the camera files that the operator took over; empty: the survey's own
+  void KeepLines(const Survey& survey, std::vector<LineImage> lines, std::int64_t run_version);
   void Tell(const std::function<void(const Json&)>& tell, Json state);
   SurveyOptions OptionsOfLastRun(std::int64_t* version) const;
+  mutable std::pair<std::int64_t, SurveyOptions> last_options_{-1, {}};  // by the version of the run
   Result<std::shared_ptr<const LineImage>> FoundLines(int image);
   std::string FreePartId(const std::vector<std::string>& also_taken) const;
   friend class Commands;
 
   WorkspaceOptions options_;
-  Survey survey_;
+  Survey own_survey_;                  // as its folder has it
+  std::atomic<const Survey*> survey_;  // that, or one of with_cameras_
+  std::map<std::string, std::unique_ptr<const Survey>> with_cameras_;  // by the camera files; few, and kept
   KnowledgeBase knowledge_;
   std::vector<std::string> image_files_;
   std::unique_ptr<Store> store_;
   mutable std::mutex mutex_;
   struct Found {
     std::int64_t run_version = -1;
+    const Survey* survey = nullptr;  // whose cameras straightened them
     std::shared_ptr<const LineImage> lines;
     std::int64_t edit_version = -1;
     std::shared_ptr<const EditedLines> edited;
@@ -104,6 +122,9 @@ class Workspace {
   std::atomic<bool> cancel_{false};
   Json run_state_ = {{"state", "none"}};
 };
+
+// A line of picture `image` (or an arc, where `is_circle`) as the contour of an object. `file`: for the error where it is gone.
+Result<Pick> MakePick(const EditedLines& lines, const std::string& file, int image, int line, int contour, bool is_circle);
 
 // The segments and arcs of a picture as Views gives them to identification: what was removed is left out, what was
 // drawn is at the end. `numbers[i]`: the station's number of segment i.

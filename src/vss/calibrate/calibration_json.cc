@@ -105,8 +105,8 @@ json Extrinsic(const CubeResult& r) {
                      {"seen_mm", Vector(m.seen_mm)},
                      {"said_mm", Vector(m.said_mm)},
                      {"sigma_mm", Vector(m.sigma_mm)}});
-  for (int c = 0; c < kNumEdgeClasses; ++c)
-    bias[NameOf(static_cast<EdgeClass>(c))] = {{"px", r.bias_px[c]}, {"sigma_px", r.bias_sigma_px[c]}};
+  for (int c = 0; c < kNumCubeEdgeClasses; ++c)
+    bias[NameOf(static_cast<CubeEdgeClass>(c))] = {{"px", r.bias_px[c]}, {"sigma_px", r.bias_sigma_px[c]}};
   const Eigen::Vector3d centre = r.cam_from_world.Inverse().translation;
   return {{"camera_from_world",
            {{"rotation", Matrix(r.cam_from_world.rotation)},

@@ -28,11 +28,11 @@ struct ClassPrior {
   const char* name;
   double bias_sigma_px, edge_sigma_px;
 };
-constexpr ClassPrior kPriors[kNumEdgeClasses] = {{"top, against the floor", 0.1, 0.02},
-                                                 {"top, against a side", 0.1, 0.02},
-                                                 {"upright, against the floor", 0.15, 0.04},
-                                                 {"upright, between sides", 0.15, 0.04},
-                                                 {"floor", 0.4, 0.15}};
+constexpr ClassPrior kPriors[kNumCubeEdgeClasses] = {{"top, against the floor", 0.1, 0.02},
+                                                     {"top, against a side", 0.1, 0.02},
+                                                     {"upright, against the floor", 0.15, 0.04},
+                                                     {"upright, between sides", 0.15, 0.04},
+                                                     {"floor", 0.4, 0.15}};
 constexpr double kSampleSpacingPx = 4, kSampleHalfLengthPx = 2;
 constexpr double kClearancePx =
     5.5;  // to other edges of the cube: the window of a sample sees one edge alone
@@ -42,7 +42,7 @@ constexpr double kMinAgreement = 0.4;       // of the samples that a cube would 
 
 struct Observation {
   int picture = 0, edge = 0;
-  EdgeClass edge_class = EdgeClass::kTopOuter;
+  CubeEdgeClass edge_class = CubeEdgeClass::kTopOuter;
   Vector3d point;    // world, on the model edge
   Vector2d outward;  // img, unit
   Vector2d seen;     // img
@@ -61,7 +61,7 @@ struct Unknowns {
   RigidTransform cam_from_world;  // at gantry displacement `middle`
   Vector3d middle;
   Matrix3d axes;
-  double bias_px[kNumEdgeClasses] = {};
+  double bias_px[kNumCubeEdgeClasses] = {};
   double scale = 1;  // of the cube about the middle of its base
   Vector3d base = Vector3d::Zero();
 
@@ -166,7 +166,7 @@ struct EdgeState {
 std::map<std::pair<int, int>, EdgeState> EdgeStates(const std::vector<Observation>& observations) {
   constexpr double kMaxFactor = 20;
   std::map<std::pair<int, int>, EdgeState> edges;
-  std::map<std::pair<int, int>, EdgeClass> class_of;
+  std::map<std::pair<int, int>, CubeEdgeClass> class_of;
   std::map<int, double> best_contrast;
   for (const Observation& o : observations) {
     EdgeState& e = edges[{o.picture, o.edge}];
@@ -225,9 +225,9 @@ struct NormalEquations {
 // Columns: pose 6, biases, then the scale where it is estimated.
 NormalEquations Build(const Rig& rig, const Unknowns& x, const std::vector<Observation>& observations,
                       bool with_scale) {
-  const int n = 6 + kNumEdgeClasses + with_scale;
+  const int n = 6 + kNumCubeEdgeClasses + with_scale;
   NormalEquations e{MatrixXd::Zero(n, n), VectorXd::Zero(n)};
-  for (int c = 0; c < kNumEdgeClasses; ++c) {
+  for (int c = 0; c < kNumCubeEdgeClasses; ++c) {
     const double w = 1 / (kPriors[c].bias_sigma_px * kPriors[c].bias_sigma_px);
     e.a(6 + c, 6 + c) += w, e.b[6 + c] -= w * x.bias_px[c];
   }
@@ -248,7 +248,7 @@ NormalEquations Build(const Rig& rig, const Unknowns& x, const std::vector<Obser
 void Apply(const VectorXd& step, bool with_scale, Unknowns& x) {
   x.cam_from_world.rotation = RotationFromVector(step.head<3>()) * x.cam_from_world.rotation;
   x.cam_from_world.translation += step.segment<3>(3);
-  for (int c = 0; c < kNumEdgeClasses; ++c) x.bias_px[c] += step[6 + c];
+  for (int c = 0; c < kNumCubeEdgeClasses; ++c) x.bias_px[c] += step[6 + c];
   if (with_scale) x.scale += step[step.size() - 1];
 }
 
@@ -344,7 +344,7 @@ void FillCovariance(const Rig& rig, const Fit& fit, CubeResult& result) {
   shift.bottomLeftCorner<3, 3>() = -CrossMatrix(fit.x.cam_from_world.rotation * (fit.x.axes * fit.x.middle));
   result.covariance = shift * covariance.topLeftCorner<6, 6>() * shift.transpose();
   result.by_lens = shift * by_lens.topRows<6>();
-  for (int c = 0; c < kNumEdgeClasses; ++c) {
+  for (int c = 0; c < kNumCubeEdgeClasses; ++c) {
     result.bias_px[c] = fit.x.bias_px[c];
     result.bias_sigma_px[c] = std::sqrt(covariance(6 + c, 6 + c));
   }
@@ -405,7 +405,7 @@ struct FreeStops {
 std::optional<FreeStops> PlaceStopsFreely(const Rig& rig, const Fit& fit) {
   constexpr double kHardlyKnown = 1e-6;  // 1/mm^2: a sigma of a metre
   const int stops = static_cast<int>(rig.pictures.size()), biases = 3 + 3 * stops,
-            n = biases + kNumEdgeClasses;
+            n = biases + kNumCubeEdgeClasses;
   std::vector<std::vector<CubePicture>> alone;
   std::vector<Unknowns> x(stops, fit.x);
   for (int k = 0; k < stops; ++k) {
@@ -418,7 +418,7 @@ std::optional<FreeStops> PlaceStopsFreely(const Rig& rig, const Fit& fit) {
   for (double reach : {16, 12, 8, 6, 4, 4, 3, 3, 3}) {
     a = MatrixXd::Zero(n, n);
     VectorXd b = VectorXd::Zero(n);
-    for (int c = 0; c < kNumEdgeClasses; ++c) {
+    for (int c = 0; c < kNumCubeEdgeClasses; ++c) {
       const double w = 1 / (kPriors[c].bias_sigma_px * kPriors[c].bias_sigma_px);
       a(biases + c, biases + c) += w, b[biases + c] -= w * x[0].bias_px[c];
     }
@@ -447,7 +447,7 @@ std::optional<FreeStops> PlaceStopsFreely(const Rig& rig, const Fit& fit) {
     for (int k = 0; k < stops; ++k) {
       x[k].cam_from_world.rotation = RotationFromVector(step.head<3>()) * x[k].cam_from_world.rotation;
       x[k].cam_from_world.translation += step.segment<3>(3 + 3 * k);
-      for (int c = 0; c < kNumEdgeClasses; ++c) x[k].bias_px[c] += step[biases + c];
+      for (int c = 0; c < kNumCubeEdgeClasses; ++c) x[k].bias_px[c] += step[biases + c];
     }
   }
   FreeStops free;
@@ -643,7 +643,7 @@ Result<CubeResult> WithoutStops(const std::string& camera, const Intrinsics& len
 
 }  // namespace
 
-const char* NameOf(EdgeClass c) { return kPriors[static_cast<int>(c)].name; }
+const char* NameOf(CubeEdgeClass c) { return kPriors[static_cast<int>(c)].name; }
 
 Result<CubeResult> CalibrateFromCube(const std::string& camera, const Intrinsics& lens, const CubeSpec& spec,
                                      const std::vector<CubePicture>& pictures,
@@ -689,7 +689,7 @@ Result<CubeResult> CalibrateFromCube(const std::string& camera, const Intrinsics
       fmt::format("Camera {}: {} edge points of {} cube pictures fit to {:.3f} px RMS; at gantry [0, 0, 0] "
                   "the camera is at ({:.2f}, {:.2f}, {:.2f}) mm.",
                   camera, fit->used, pictures.size(), fit->rms_px, centre.x(), centre.y(), centre.z()));
-  for (int c = 0; c < kNumEdgeClasses; ++c)
+  for (int c = 0; c < kNumCubeEdgeClasses; ++c)
     if (std::any_of(fit->observations.begin(), fit->observations.end(), [&](const Observation& o) {
           return static_cast<int>(o.edge_class) == c && o.weight > 0;
         }))
@@ -759,7 +759,7 @@ Result<GantryAxes> CalibrateGantryAxes(const std::vector<CubeJob>& jobs) {
   std::vector<Unknowns> unknowns;
   for (const CubeJob& job : jobs)
     unknowns.push_back(StartOf(job.cam_from_world, *job.pictures, job.cube, Matrix3d::Identity()));
-  const int own = 6 + kNumEdgeClasses, shared = 3 * static_cast<int>(columns.size()),
+  const int own = 6 + kNumCubeEdgeClasses, shared = 3 * static_cast<int>(columns.size()),
             n = shared + own * static_cast<int>(jobs.size());
   MatrixXd a;
   for (int round = 0; round < 8; ++round) {
@@ -770,7 +770,7 @@ Result<GantryAxes> CalibrateGantryAxes(const std::vector<CubeJob>& jobs) {
       auto observations = Measure(rig, unknowns[k], round == 0 ? 4 : 3);
       Weigh(rig, unknowns[k], observations, 3);
       const int at = shared + own * static_cast<int>(k);
-      for (int c = 0; c < kNumEdgeClasses; ++c) {
+      for (int c = 0; c < kNumCubeEdgeClasses; ++c) {
         const double w = 1 / (kPriors[c].bias_sigma_px * kPriors[c].bias_sigma_px);
         a(at + 6 + c, at + 6 + c) += w, b[at + 6 + c] -= w * unknowns[k].bias_px[c];
       }

@@ -25,13 +25,13 @@ struct CubePicture {
   Eigen::Vector3d gantry_mm = Eigen::Vector3d::Zero();
 };
 
-enum class EdgeClass { kTopOuter, kTopInner, kUprightOuter, kUprightInner, kFloor };
-inline constexpr int kNumEdgeClasses = 5;
-const char* NameOf(EdgeClass c);
+enum class CubeEdgeClass { kTopOuter, kTopInner, kUprightOuter, kUprightInner, kFloor };
+inline constexpr int kNumCubeEdgeClasses = 5;
+const char* NameOf(CubeEdgeClass c);
 
 struct EdgeQuality {
   std::string file;
-  EdgeClass edge_class = EdgeClass::kTopOuter;
+  CubeEdgeClass edge_class = CubeEdgeClass::kTopOuter;
   int num_points = 0, num_used = 0;
   double mean_px = 0, rms_px = 0;  // along the outward normal, the class's bias taken out
 };
@@ -49,8 +49,8 @@ struct CubeResult {
   Eigen::Matrix<double, 6, 6> covariance;
   Eigen::MatrixXd
       by_lens;  // d pose / d (fx, fy, cx, cy, distortion): 6 x n, how an error of the lens gets in
-  double bias_px[kNumEdgeClasses] = {};
-  double bias_sigma_px[kNumEdgeClasses] = {};
+  double bias_px[kNumCubeEdgeClasses] = {};
+  double bias_sigma_px[kNumCubeEdgeClasses] = {};
   Eigen::Vector3d middle_mm = Eigen::Vector3d::Zero();  // of the stops' displacements
   double rms_px = 0;
   int num_points = 0;

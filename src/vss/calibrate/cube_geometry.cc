@@ -49,13 +49,13 @@ std::vector<VisibleEdge> VisibleEdges(const Geometry& g, const Vector3d& camera)
     if (!visible[a] && !visible[b]) continue;
     const bool both = visible[a] && visible[b];
     const int inner = visible[std::min(a, b)] ? std::min(a, b) : std::max(a, b);  // the top is face 0
-    EdgeClass c = EdgeClass::kUprightOuter;
+    CubeEdgeClass c = CubeEdgeClass::kUprightOuter;
     if (a == 5 || b == 5)
-      c = EdgeClass::kFloor;
+      c = CubeEdgeClass::kFloor;
     else if (a == 0 || b == 0)
-      c = both ? EdgeClass::kTopInner : EdgeClass::kTopOuter;
+      c = both ? CubeEdgeClass::kTopInner : CubeEdgeClass::kTopOuter;
     else if (both)
-      c = EdgeClass::kUprightInner;
+      c = CubeEdgeClass::kUprightInner;
     edges.push_back({e, c, inner});
   }
   return edges;

@@ -26,7 +26,7 @@ Geometry GeometryOf(const CubeSpec& cube);
 
 struct VisibleEdge {
   int edge = 0;
-  EdgeClass edge_class = EdgeClass::kTopOuter;
+  CubeEdgeClass edge_class = CubeEdgeClass::kTopOuter;
   int inner_face = 0;  // a visible face at the edge, the top where it is one: outward points away from it
 };
 std::vector<VisibleEdge> VisibleEdges(const Geometry& g, const Eigen::Vector3d& camera_in_world);

@@ -116,7 +116,8 @@ double LineScore(const Intrinsics& lens, const Geometry& g, const RigidTransform
     const Vector2d na(a.x() / a.z(), a.y() / a.z()), nb(b.x() / b.z(), b.y() / b.z()),
         direction = (nb - na).normalized();
     const double weight =
-        visible.edge_class == EdgeClass::kTopInner || visible.edge_class == EdgeClass::kTopOuter ? 2 : 1;
+        visible.edge_class == CubeEdgeClass::kTopInner || visible.edge_class == CubeEdgeClass::kTopOuter ? 2
+                                                                                                         : 1;
     for (int i = 0; i < kSamples; ++i) {
       const Vector2d p = na + (i + 0.5) / kSamples * (nb - na);
       samples += static_cast<int>(weight);

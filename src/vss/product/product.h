@@ -64,7 +64,12 @@ struct Seam {
   std::string part_a, part_b;
   Eigen::Vector3d start = Eigen::Vector3d::Zero(), end = Eigen::Vector3d::Zero();
   Eigen::Vector3d normal_a = Eigen::Vector3d::Zero(), normal_b = Eigen::Vector3d::Zero();
+  double gap_mm = 0;  // how far part_b's edge stands off part_a's face where it is farthest; negative: in it
 };
+
+// The unit vector (world) from the seam to where a torch comes from: halfway between the two faces' normals.
+// Zero where the normals are not known.
+Eigen::Vector3d ApproachOf(const Seam& seam);
 
 struct Product {
   std::string survey;

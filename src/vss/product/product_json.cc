@@ -145,7 +145,9 @@ Json SeamJson(const Seam& seam) {
   return {{"parts", {seam.part_a, seam.part_b}},
           {"start", Point(seam.start)},
           {"end", Point(seam.end)},
-          {"normals", {Direction(seam.normal_a), Direction(seam.normal_b)}}};
+          {"normals", {Direction(seam.normal_a), Direction(seam.normal_b)}},
+          {"approach", Direction(ApproachOf(seam))},
+          {"gap", Length(seam.gap_mm)}};
 }
 
 // JSON that a person can read too: what is short stands on one line.
@@ -280,6 +282,7 @@ Seam SeamFrom(const Json& in) {
     seam.normal_a = PointFrom(in["normals"].at(0));
     seam.normal_b = PointFrom(in["normals"].at(1));
   }
+  seam.gap_mm = NumberOrNan(in.value("gap", Json()));
   return seam;
 }
 

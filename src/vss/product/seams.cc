@@ -58,10 +58,13 @@ std::vector<Interval> ClipToFace(const Edge& edge, const SolidFace& face, double
   return Union(std::move(pieces));
 }
 
+double HeightOver(const SolidFace& face, const Vector3d& point) {
+  return face.normal_in_part.dot(point - face.triangles.front()[0]);
+}
+
 bool InPlane(const Edge& edge, const SolidFace& face, double max_gap_mm) {
-  const Vector3d& point = face.triangles.front()[0];
-  return std::abs(face.normal_in_part.dot(edge.start - point)) <= max_gap_mm &&
-         std::abs(face.normal_in_part.dot(edge.end - point)) <= max_gap_mm;
+  return std::abs(HeightOver(face, edge.start)) <= max_gap_mm &&
+         std::abs(HeightOver(face, edge.end)) <= max_gap_mm;
 }
 
 // The edges of `solid` that lie on `face` with one of their two faces, which looks against it.
@@ -99,6 +102,7 @@ void AddSeams(const Edge& edge, const SolidFace& face, const SeamOptions& option
     seam.end = edge.start + piece.to * (edge.end - edge.start);
     seam.normal_a = face.normal_in_part;
     seam.normal_b = edge.seam_normal;
+    seam.gap_mm = std::max(HeightOver(face, seam.start), HeightOver(face, seam.end));
     seams.push_back(seam);
   }
 }
@@ -106,6 +110,13 @@ void AddSeams(const Edge& edge, const SolidFace& face, const SeamOptions& option
 bool SamePlace(const Seam& a, const Seam& b, double tolerance_mm) {
   const auto near = [&](const Vector3d& p, const Vector3d& q) { return (p - q).norm() <= tolerance_mm; };
   return (near(a.start, b.start) && near(a.end, b.end)) || (near(a.start, b.end) && near(a.end, b.start));
+}
+
+Seam Between(const Part& a, const Part& b) {
+  Seam seam;
+  seam.part_a = a.id;
+  seam.part_b = b.id;
+  return seam;
 }
 
 // Could the two touch at all?
@@ -126,6 +137,12 @@ bool BoxesTouch(const Part& a, const Part& b, double gap_mm) {
 }
 
 }  // namespace
+
+Vector3d ApproachOf(const Seam& seam) {
+  const Vector3d sum = seam.normal_a + seam.normal_b;
+  constexpr double kNoDirection = 1e-6;  // opposite normals, or none
+  return sum.norm() > kNoDirection ? sum.normalized() : Vector3d::Zero();
+}
 
 std::span<const ParameterOf<SeamOptions>> SeamParameters() {
   static const ParameterOf<SeamOptions> rows[] = {
@@ -151,7 +168,7 @@ std::vector<Seam> FindSeams(const Product& product, const KnowledgeBase& knowled
       for (const auto& face : solids[a]->faces) {
         if (face.is_cylinder || face.triangles.empty()) continue;
         for (const auto& edge : EdgesOn(*solids[b], face, options.max_gap_mm))
-          AddSeams(edge, face, options, {product.parts[a].id, product.parts[b].id, {}, {}, {}, {}}, found);
+          AddSeams(edge, face, options, Between(product.parts[a], product.parts[b]), found);
       }
       for (const auto& seam : found) {
         const bool known = std::any_of(seams.begin(), seams.end(), [&](const auto& s) {

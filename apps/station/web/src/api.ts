@@ -1,4 +1,4 @@
-import type { Difference, Fit, HistoryRow, KnownObject, Lines, Piece, Projection, ScenePart, SceneSeam, State, Survey } from './types';
+import type { CalibrationJobs, Difference, Fit, HistoryRow, KnownObject, Lines, Piece, Projection, ScenePart, SceneSeam, State, Survey } from './types';
 
 export class Refused extends Error {
   constructor(public status: number, message: string) { super(message); }
@@ -30,12 +30,24 @@ export const api = {
   scene: () => ask<{ parts: ScenePart[]; seams: SceneSeam[] }>('scene'),
   history: (before = 0, limit = 100) => ask<{ rows: HistoryRow[] }>(`history?before=${before}&limit=${limit}`),
   differences: (edit: number) => ask<{ differences: Difference[] }>(`history?limit=1&edit=${edit}`),
+  calibrationJobs: () => ask<CalibrationJobs>('calibration'),
   manual: () => ask<{ pages: { name: string; text: string }[] }>('manual'),
   measure: (a: string, b: string) => ask<{ distance: number; sigma: number | null; delta: [number, number, number] }>(`measure?a=${encodeURIComponent(a)}&b=${encodeURIComponent(b)}`),
   drawing: (kind: string, dimensions: Record<string, number> = {}, resting_pose = 0) => ask<{ pieces: Piece[]; size: number }>('drawing', { kind, dimensions, resting_pose }),
   fit: (question: object) => ask<Fit>('fit', question),
   command: (name: string, args: object = {}) => ask<Record<string, unknown> & { revision: number }>('command', { do: name, ...args }),
 };
+
+// Saves what the station answers as a file of that name; a refusal is an error with its sentence.
+export async function download(path: string) {
+  const answer = await fetch('/api/' + path).catch(() => { throw new Refused(0, 'The station does not answer. Is it still running?'); });
+  if (!answer.ok) throw new Refused(answer.status, ((await answer.json().catch(() => ({}))) as { error?: string }).error ?? `The station answered ${answer.status}.`);
+  const name = /filename="([^"]+)"/.exec(answer.headers.get('Content-Disposition') ?? '')?.[1] ?? 'file', link = document.createElement('a');
+  link.href = URL.createObjectURL(await answer.blob());
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}
 
 // The picture that was open last is asked for before anything else is known.
 let early: { image: number; answer: Promise<Response> } | null = null;

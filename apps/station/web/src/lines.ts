@@ -86,16 +86,26 @@ export class LineIndex {
 // Strokes of one colour. Software rasterisers slow down with the length of a path: 50 lines a path are fastest.
 const linesAPath = 50;
 export interface Batch { colour: string; width: number; shapes: number[][] }
+export interface Place { batch: number; shape: number }  // in a list of batches: what is drawn next
 
 export function drawBatches(context: CanvasRenderingContext2D, batches: Batch[], view: ViewBox, width: number, height: number) {
+  drawSome(context, batches, view, width, height, { batch: 0, shape: 0 }, Infinity);
+}
+
+// At most `most` shapes from `place` on; where to go on, or null when all is drawn.
+export function drawSome(context: CanvasRenderingContext2D, batches: Batch[], view: ViewBox, width: number, height: number, place: Place, most: number): Place | null {
   const { scale } = view, x = view.x + scale * 0.5, y = view.y + scale * 0.5;
   context.lineCap = 'butt';
-  for (const batch of batches) {
-    context.strokeStyle = batch.colour;
-    context.lineWidth = batch.width;
+  let left = most;
+  for (let b = place.batch; b < batches.length; b++) {
+    const { colour, width: lineWidth, shapes } = batches[b];
+    context.strokeStyle = colour;
+    context.lineWidth = lineWidth;
     let count = 0;
     context.beginPath();
-    for (const points of batch.shapes) {
+    for (let i = b === place.batch ? place.shape : 0; i < shapes.length; i++) {
+      if (left-- <= 0) { context.stroke(); return { batch: b, shape: i }; }
+      const points = shapes[i];
       const u0 = scale * points[0] + x, v0 = scale * points[1] + y;
       const u1 = scale * points[points.length - 2] + x, v1 = scale * points[points.length - 1] + y;
       if (Math.max(u0, u1) < -50 || Math.max(v0, v1) < -50 || Math.min(u0, u1) > width + 50 || Math.min(v0, v1) > height + 50) continue;
@@ -105,6 +115,7 @@ export function drawBatches(context: CanvasRenderingContext2D, batches: Batch[],
     }
     context.stroke();
   }
+  return null;
 }
 
 // Groups lines by colour. `partOf(line, circle)`: the part that uses it.

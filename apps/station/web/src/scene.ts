@@ -172,8 +172,13 @@ export class SceneDrawing {
     this.ask();
   }
   showCameras(yes: boolean) { this.cameras.visible = yes; this.ask(); }
-  // 100: whole; below, everything above that share of the height is cut away.
-  setSection(percent: number) { this.clip.constant = percent >= 100 ? 1e9 : (this.height * percent) / 100 + 0.01; this.ask(); }
+  // 100: whole; below, everything beyond that share of the workpiece along the axis is cut away.
+  setSection(axis: 'x' | 'y' | 'z', percent: number) {
+    const low = axis === 'z' ? 0 : this.extent.min[axis], high = axis === 'z' ? this.height : this.extent.max[axis];
+    this.clip.normal.set(axis === 'x' ? -1 : 0, axis === 'y' ? -1 : 0, axis === 'z' ? -1 : 0);
+    this.clip.constant = percent >= 100 ? 1e9 : low + ((high - low) * percent) / 100 + 0.01;
+    this.ask();
+  }
   setMeasuring(yes: boolean) { this.measuring = yes; for (const s of this.shown) s.vertices.visible = yes; this.ask(); }
   setMarks(marks: VertexPick[]) {
     this.marks.clear();

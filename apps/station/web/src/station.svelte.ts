@@ -1,12 +1,13 @@
 // The state of the page: what the server says, and what the operator looks at.
-import { api, listen, Refused, setWho } from './api';
+import { api, download, listen, Refused, setWho } from './api';
 import { contourAt, samePlace, type Contour } from './contours';
+import type { Keys } from './keymap';
 import { arcPoints, LineIndex, linePoints, type ColourBy, type Found } from './lines';
 import { tasksOf, type Unknown } from './queue';
 import { t } from './texts';
 import type { Fit, Hint, Item, KnownObject, Lines, Parameter, Part, Pick, Projection, Run, ScenePart, SceneSeam, State, Survey } from './types';
 
-export type Tab = 'parts' | 'todo' | 'build' | 'parameters' | 'history' | 'help';
+export type Tab = 'parts' | 'todo' | 'build' | 'parameters' | 'cameras' | 'history' | 'help';
 export type Tool = 'look' | 'draw' | 'split' | 'extend' | 'merge' | 'remove';
 export type ViewMode = 'picture' | 'scene' | 'both';
 export interface Layers { picture: boolean; lines: boolean; parts: boolean; hidden: boolean; residuals: boolean; vertices: boolean }
@@ -34,6 +35,7 @@ class Station {
   undo = $state.raw<State['undo']>(null);
   redo = $state.raw<State['redo']>(null);
   run = $state.raw<Run>({ state: 'none' });
+  stale = $state(false);                 // the parts were found with other cameras
   parameters = $state.raw<Parameter[]>([]);
   connected = $state(true);
   fatal = $state('');
@@ -54,6 +56,7 @@ class Station {
   who = $state('operator');
   helpPage = $state('');
   helpSection = $state('');             // a heading of that page
+  keys = $state.raw<Keys>({});           // that the operator changed
   showKeys = $state(false);
   guide = $state(-1);
   guideDone = $state<Record<string, boolean>>({});
@@ -89,8 +92,8 @@ class Station {
   imageOf(file: string) { return this.survey?.images.findIndex((i) => i.file === file) ?? -1; }
 
   async start() {
-    const kept = remembered('page', { image: 0, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, contrast: 1, gamma: 1 });
-    Object.assign(this, { layers: { ...this.layers, ...kept.layers }, colourBy: kept.colourBy, who: kept.who, view: kept.view, contrast: kept.contrast, gamma: kept.gamma });
+    const kept = remembered('page', { image: 0, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, contrast: 1, gamma: 1, magnify: this.magnify, keys: this.keys });
+    Object.assign(this, { ...kept, image: 0, layers: { ...this.layers, ...kept.layers } });
     setWho(this.who);
     try {
       this.survey = await api.survey();
@@ -117,7 +120,7 @@ class Station {
   }
 
   keep() {
-    remember('page', { image: this.image, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, contrast: this.contrast, gamma: this.gamma });
+    remember('page', { image: this.image, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, contrast: this.contrast, gamma: this.gamma, magnify: this.magnify, keys: this.keys });
     remember('build', { build: this.build, survey: this.survey?.name });
   }
   setName(name: string) { this.who = name.trim() || 'operator'; setWho(this.who); this.keep(); }
@@ -131,10 +134,11 @@ class Station {
   private hear(m: { type: string; [key: string]: unknown }) {
     if (m.type === 'run') {
       this.run = m.run as Run;
-      if (this.run.state === 'done') this.say(t.runDone(this.run.message ?? ''));
-      if (this.run.state === 'failed') this.say(t.runFailed(this.run.message ?? ''), true);
-      if (this.run.state === 'cancelled') this.say(t.runCancelled);
-      if (this.run.state === 'done') { this.guideDone.run = true; void this.refresh(); }
+      const said = t.runs[this.run.job ?? 'survey'];
+      if (this.run.state === 'done') this.say(said.done(this.run.message ?? ''));
+      if (this.run.state === 'failed') this.say(said.failed(this.run.message ?? ''), true);
+      if (this.run.state === 'cancelled') this.say(said.cancelled);
+      if (this.run.state === 'done') { this.guideDone.run ||= this.run.job !== 'calibration'; void this.refresh(); }
     }
     // Whether it is an edit of this page is known once its own commands are answered.
     if (m.type === 'edit') void this.queue.then(() => {
@@ -157,20 +161,24 @@ class Station {
       if ((e as Refused).status !== 0 || this.revision === 0) throw e;
       return;  // the station is away; when it is back, everything is fetched
     }
-    const items = new Map(this.items);
+    const items = new Map(this.items), cameras = this.version('settings', 'cameras');
     for (const item of state.items) {
       if (item.value === null) items.delete(`${item.kind}/${item.id}`); else items.set(`${item.kind}/${item.id}`, item);
     }
     this.items = items;
     this.revision = state.revision;
-    this.undo = state.undo; this.redo = state.redo; this.run = state.run; this.parameters = state.parameters;
+    this.undo = state.undo; this.redo = state.redo; this.run = state.run; this.stale = state.stale; this.parameters = state.parameters;
     if (this.selected && !items.has(`part/${this.selected}`)) this.selected = '';
+    if (this.version('settings', 'cameras') !== cameras) {  // other cameras: other places and lenses
+      this.survey = await api.survey();
+      void this.loadAllLines();
+    }
     void this.loadPicture(this.image);
     if (this.view !== 'picture') void this.loadScene();
   }
 
-  // Lines change with the run's parameters and with the operator's edits of that picture.
-  private linesStamp(image: number) { return `${this.version('settings', 'run')}:${this.version('lines', this.fileOf(image))}`; }
+  // Lines change with the run's parameters, with the cameras' lenses and with the operator's edits of that picture.
+  private linesStamp(image: number) { return ['run', 'cameras'].map((id) => this.version('settings', id)).join(':') + ':' + this.version('lines', this.fileOf(image)); }
 
   async loadLines(image: number) {
     const stamp = this.linesStamp(image);
@@ -212,6 +220,8 @@ class Station {
     this.selected = id;
     if (id) this.guideDone.select = true;
   }
+
+  async take(path: string) { try { await download(path); } catch (e) { this.complain(e as Error); } }
 
   // The picture that shows a part best: the one with most of its lines.
   bestImageOf(part: Part): number {

@@ -8,12 +8,20 @@ export const t = {
   undo: 'Undo', redo: 'Redo', undoWhat: (label: string) => `Undo: ${label}`, redoWhat: (label: string) => `Redo: ${label}`,
   badPicture: (file: string) => `${file} cannot be shown: it may be damaged. Copy it again.`,
   run: 'Run survey', runAgain: 'Run again', cancel: 'Cancel', running: (step: string, done: number, total: number) => `${stepNames[step] ?? step} ${done} of ${total}`,
-  runDone: (m: string) => `Survey finished: ${m}.`, runFailed: (m: string) => `The survey stopped: ${m}`, runCancelled: 'The survey was cancelled. Nothing changed.',
-  export: 'Export', exports: { product: 'Product data (product.json)', report: 'Report with pictures (report.html)', overlay: 'Overlay of this picture (SVG)' }, shortcuts: 'Keyboard shortcuts', guide: 'First survey, step by step',
+  runs: {
+    survey: { done: (m: string) => `Survey finished: ${m}.`, failed: (m: string) => `The survey stopped: ${m}`, cancelled: 'The survey was cancelled. Nothing changed.' },
+    calibration: { done: (m: string) => `Calibration finished: ${m}.`, failed: (m: string) => `The calibration stopped: ${m}`, cancelled: 'The calibration was cancelled. Nothing changed.' },
+  },
+  export: 'Export',
+  exports: {
+    product: 'Product data (product.json)', report: 'Report with pictures (report.html)', overlay: 'Overlay of this picture (SVG)',
+    step: 'CAD model with seams (STEP)', noStep: 'CAD model (STEP): not part of this build', glb: '3D model with seams (glTF)', parts: 'Table of parts (CSV)', seams: 'Table of seams (CSV)',
+  },
+  shortcuts: 'Keyboard shortcuts', guide: 'First survey, step by step',
   offline: 'The station does not answer. Your confirmed edits are saved; the page goes on by itself when it is back.',
   conflict: (m: string) => `Not saved: ${m}.`,
   othersEdit: (who: string) => `${who} changed the survey on another page.`,
-  tabs: { parts: 'Parts', todo: 'To do', build: 'By hand', parameters: 'Parameters', history: 'History', help: 'Help' },
+  tabs: { parts: 'Parts', todo: 'To do', build: 'By hand', parameters: 'Parameters', cameras: 'Cameras', history: 'History', help: 'Help' },
   strip: { lines: (n: number) => plural(n, 'line'), parts: (n: number) => plural(n, 'part'), doubtful: (n: number) => `${n} doubtful`, none: 'no part yet', loading: '…' },
   layers: {
     title: 'Layers', picture: 'Grey picture', lines: 'Lines', parts: 'Parts', hidden: 'Hidden edges', residuals: 'Residuals', vertices: 'Vertices',
@@ -50,18 +58,24 @@ export const t = {
     drop: 'Drop this line', dropLast: 'Drop the last line', fix: 'Give mm', fixHelp: 'A dimension that you know: it stays as you give it', fixLabel: (d: string) => `Give ${d} in mm`, standsOn: 'Stands on', pose: 'Lies', rms: (v: number) => `residual ${v.toFixed(2)} px`, taken: (name: string) => `Taken as ${name}, which lies there.`, lines: 'Lines picked',
     start: 'New part by hand', noKinds: 'The knowledge base of this survey is empty.',
   },
-  parameters: { title: 'Parameters of the next run', reset: 'Default', changed: 'changed', search: 'Find a parameter', range: (a: number, b: number, u: string) => `${a} to ${b}${u ? ' ' + u : ''}`, rerun: 'Run with these', none: 'No parameter matches.', lastRun: 'What the last run changed', camera: 'Camera', size: 'Size', calibrated: 'Calibration residual', cameras: 'Cameras', unknown: 'not calibrated here' },
+  parameters: { title: 'Parameters of the next run', reset: 'Default', changed: 'changed', search: 'Find a parameter', range: (a: number, b: number, u: string) => `${a} to ${b}${u ? ' ' + u : ''}`, rerun: 'Run with these', none: 'No parameter matches.', lastRun: 'What the last run changed' },
+  cameras: {
+    title: 'Cameras of this survey', camera: 'Camera', size: 'Size', residual: 'Residual', unknown: 'not known', own: "These are the survey's own cameras.", taken: (job: string) => `Taken over from ${job}.`, useOwn: "Use the survey's own", rerun: 'The parts were found with other cameras: run the survey again.',
+    calibrate: 'Calibrate', job: 'Job', noJobs: "There is no calibration.toml in this survey's folder or in a folder beside it. Put one there with its pictures, and look again.", look: 'Look again', model: 'Lens model', models: { weng: 'Weng (ten parameters)', opencv: "OpenCV's" } as Record<string, string>,
+    options: 'Parameters', start: 'Calibrate', last: (job: string) => `Last calibration: ${job}`, views: (n: number) => plural(n, 'view'), placed: 'lens and place', lensOnly: 'lens', report: 'Show the report', json: 'calibration.json', file: (id: string) => `${id}.toml`, use: 'Use these cameras', inUse: 'In use',
+    warnings: 'Warnings', findings: 'What was found', what: 'Calibrated',
+  },
   history: {
     title: 'Who changed what', name: 'Your name', action: { edit: '', undo: 'undid: ', redo: 'did again: ' }, more: 'Earlier', changes: 'What changed', none: 'Nothing was changed yet.',
     added: 'added', removed: 'removed', changed: 'changed', noChanges: 'No part changed.',
   },
   panelHelp: {
     parts: ['01-normal-operation.md', 'Read a result'], todo: ['01-normal-operation.md', 'Go through what is doubtful'], build: ['01-normal-operation.md', 'Build a part by hand'],
-    parameters: ['01-normal-operation.md', 'Run the survey'], history: ['01-normal-operation.md', 'Undo'], help: ['', ''],
+    parameters: ['01-normal-operation.md', 'Run the survey'], cameras: ['calibration.md', 'Calibrate from the page'], history: ['01-normal-operation.md', 'Undo'], help: ['', ''],
   } as Record<string, [string, string]>,
   help: { title: 'Help', here: 'Help for this panel', search: 'Search the manual', none: 'Nothing found.', back: 'All pages', empty: 'This program was built without its manual.' },
   scene: {
-    reset: 'Reset view', top: 'From above', section: 'Section', sectionOff: 'no section', measure: 'Measure', measureHint: 'Click two vertices.', cameras: 'Cameras', empty: 'Nothing to show yet.', result: (d: number, s: number | null) => `${d.toFixed(2)} mm${s === null ? '' : ` ± ${(2 * s).toFixed(2)} mm (2σ)`}`,
+    reset: 'Reset view', top: 'From above', section: 'Section', across: { z: 'from above', x: 'along x', y: 'along y' } as Record<string, string>, measure: 'Measure', measureHint: 'Click two vertices.', cameras: 'Cameras', empty: 'Nothing to show yet.', result: (d: number, s: number | null) => `${d.toFixed(2)} mm${s === null ? '' : ` ± ${(2 * s).toFixed(2)} mm (2σ)`}`,
     delta: (d: number[]) => `Δx ${d[0].toFixed(1)}  Δy ${d[1].toFixed(1)}  Δz ${d[2].toFixed(1)} mm`, failed: 'The 3D view could not be loaded. Load the page again.', seams: (n: number) => plural(n, 'seam') + ' (red)', noWebgl: 'This browser has no WebGL: the 3D view is drawn as lines.',
   },
   guideSteps: [
@@ -73,12 +87,16 @@ export const t = {
     { key: 'export', title: 'Take the result with you', text: '“Export” writes the product data: parts, dimensions, sigmas.' },
   ],
   guideDone: 'You have seen all of it. The manual is under Help.', close: 'Close', skip: 'Close the guide', step: (i: number, n: number) => `Step ${i} of ${n}`,
-  keys: [
-    ['?', 'These shortcuts'], ['1 2 3', 'Picture, 3D, both'], ['PageUp PageDown', 'Previous and next picture'], ['+ − 0', 'Zoom in, out, whole picture'], ['Arrows', 'Move the picture'],
-    ['G L P H R V', 'Layers: grey, lines, parts, hidden edges, residuals, vertices'], ['K', 'Colour of the lines: strength, use, part'], ['N', 'Next doubtful part'], ['C', 'Confirm the selected part'],
-    ['B', 'New part by hand'], ['E', 'Correct the lines of the selected part'], ['Enter', 'Save the part that is being built'], ['A', 'Take all lines that fit'], ['D', 'Draw a missing line'], ['S X M', 'Split, extend, merge lines'],
-    ['Delete', 'Delete the selected part, or remove the selected line'], ['Tab', 'Next line where lines lie on each other (pointer over the picture)'], ['Ctrl+Z  Ctrl+Y', 'Undo, redo'], ['F1', 'Help'], ['Esc', 'Back'],
+  keysHint: 'Click a key to give another one to what it does. This browser remembers it.', pressKey: 'Press a key', noKey: 'none', usualKeys: 'Usual keys', changeKey: (what: string) => `Other key for: ${what}`, keyTaken: (key: string) => `${key} always means the same.`,
+  keys: {
+    keys: 'These shortcuts', picture: 'Picture', scene: '3D', both: 'Picture and 3D', previous: 'Previous picture', next: 'Next picture', zoomIn: 'Zoom in', zoomOut: 'Zoom out', whole: 'Whole picture',
+    left: 'Look left', right: 'Look right', up: 'Look up', down: 'Look down', grey: 'Grey picture', lines: 'Lines', parts: 'Parts', hidden: 'Hidden edges', residuals: 'Residuals', vertices: 'Vertices', colour: 'Colour of the lines',
+    doubtful: 'Next doubtful part', confirm: 'Confirm the selected part', build: 'New part by hand', correct: 'Correct lines of the selected part', collect: 'Take all lines that fit', draw: 'Draw a missing line', split: 'Split a line', extend: 'Extend a line', merge: 'Merge two lines',
+    delete: 'Delete the part, or remove the line',
+  } as Record<string, string>,
+  fixedKeys: [
+    ['Enter', 'Save the part that is being built'], ['Tab', 'Next line where lines lie on each other (pointer over the picture)'], ['Ctrl+Z', 'Undo'], ['Ctrl+Y', 'Redo'], ['F1', 'Help'], ['Esc', 'Back'],
   ] as [string, string][],
 };
 
-const stepNames: Record<string, string> = { start: 'Starting', lines: 'Finding lines, picture', reconstruct: 'Measuring, step', knowledge: 'Reading knowledge', pictures: 'Reading picture', hypotheses: 'Identifying, step', report: 'Writing' };
+const stepNames: Record<string, string> = { marks: 'Finding marks, picture', cube: 'Placing cameras, camera', start: 'Starting', lines: 'Finding lines, picture', reconstruct: 'Measuring, step', knowledge: 'Reading knowledge', pictures: 'Reading picture', hypotheses: 'Identifying, step', report: 'Writing' };

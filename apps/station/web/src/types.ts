@@ -3,7 +3,7 @@ export type Vec3 = [number, number, number];
 
 export interface SurveyImage { file: string; camera: number; center: Vec3; rotation: [Vec3, Vec3, Vec3]; gantry?: Vec3 }
 export interface Camera { id: string; width: number; height: number; fx: number; fy: number; cx: number; cy: number; residual_px: number | null }
-export interface Survey { name: string; images: SurveyImage[]; cameras: Camera[]; warnings: string[]; version: string }
+export interface Survey { name: string; step: boolean; images: SurveyImage[]; cameras: Camera[]; warnings: string[]; version: string }
 
 export interface Dimension { value: number; sigma: number | null; observable: boolean; origin?: string }
 export interface Match { image: string; line: number; edge: number; arc: boolean; residual_px: number }
@@ -20,10 +20,10 @@ export interface Part {
 }
 
 export interface Item { kind: string; id: string; value: unknown; version: number }
-export interface Run { state: 'none' | 'running' | 'done' | 'failed' | 'cancelled'; step?: string; done?: number; total?: number; message?: string }
+export interface Run { job?: 'survey' | 'calibration'; state: 'none' | 'running' | 'done' | 'failed' | 'cancelled'; step?: string; done?: number; total?: number; message?: string }
 export interface Parameter { name: string; type: 'number' | 'integer' | 'bool'; unit: string; help: string; min: number; max: number; default: number; value: number }
 export interface State {
-  revision: number; since: number; items: Item[]; run: Run; parameters: Parameter[];
+  revision: number; since: number; items: Item[]; run: Run; stale: boolean; parameters: Parameter[];
   undo: { edit: number; label: string } | null; redo: { edit: number; label: string } | null;
 }
 
@@ -49,3 +49,8 @@ export interface HistoryRow { revision: number; edit: number; action: 'edit' | '
 export interface Difference { kind: string; id: string; before: unknown; after: unknown }
 export interface SceneSeam { parts: [string, string]; start: Vec3; end: Vec3 }
 export interface ScenePart { id: string; triangles: number[]; vertices: Vec3[]; edges: [number, number][]; circles: { center: Vec3; normal: Vec3; radius: number }[] }
+
+// The last calibration, and what may be calibrated.
+export interface Calibration { job: string; model: string; findings: string[]; warnings: string[]; cameras: { id: string; residual_px: number | null; views: number | null; placed: boolean }[] }
+export interface CalibrationJobs { jobs: string[]; parameters: Parameter[] }
+export interface CamerasInUse { job: string; calibration: number; files: Record<string, string> }

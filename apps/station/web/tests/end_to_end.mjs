@@ -2,7 +2,7 @@
 //   node end_to_end.mjs VSS SURVEY      VSS: the program; SURVEY: a folder with survey.toml and truth.json
 // VSS_SCREENSHOTS=DIR writes the manual's pictures there; VSS_FAILURES=DIR the page where a test failed.
 import assert from 'node:assert/strict';
-import { existsSync, mkdirSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { cpSync, existsSync, mkdirSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { join } from 'node:path';
 import { ask, copySurvey, startBrowser, startStation, vertexError } from './harness.mjs';
@@ -247,13 +247,31 @@ await test('sets a parameter, says so in the history, and takes it back', async 
 
 await test('exports all that the command line writes, and another station takes it up', async () => {
   const found = await parts();
-  const get = async (name) => { const [download] = await Promise.all([page.waitForEvent('download'), (async () => { await page.getByRole('button', { name: 'Export' }).click(); await page.getByRole('link', { name }).click(); })()]); return { name: download.suggestedFilename(), text: readFileSync(await download.path(), 'utf8') }; };
+  const get = async (name) => { const [download] = await Promise.all([page.waitForEvent('download'), (async () => { await page.getByRole('button', { name: 'Export' }).click(); await page.getByRole('link', { name }).click(); })()]); const bytes = readFileSync(await download.path()); return { name: download.suggestedFilename(), bytes, text: bytes.toString('utf8') }; };
   const product = await get('product.json');
   assert.equal(product.name, 'product.json');
   assert.deepEqual(JSON.parse(product.text).parts.map((p) => p.id).sort(), found.map((p) => p.id).sort());
   const report = await get('report.html');
   for (const p of found) assert.ok(report.text.includes(p.id), `the report lacks ${p.id}`);
   assert.match((await get('Overlay')).text, /<svg/);
+  const glb = await get('glTF');
+  assert.equal(glb.name, 'workpiece.glb');
+  assert.equal(glb.text.slice(0, 4), 'glTF');
+  assert.equal(glb.bytes.readUInt32LE(8), glb.bytes.length);
+  const nodes = JSON.parse(glb.bytes.subarray(20, 20 + glb.bytes.readUInt32LE(12)).toString('utf8')).nodes;
+  for (const p of found) assert.ok(nodes.some((n) => n.name === `${p.id} ${p.kind}`), `the 3D model lacks ${p.id}`);
+  const table = (await get('Table of parts')).text.trim().split('\n');
+  assert.equal(table.length, found.length + 1);
+  assert.match((await get('Table of seams')).text, /^x_world_mm,y_world_mm,z_world_mm,i,j,k,/);
+  await page.getByRole('button', { name: 'Export' }).click();
+  await shot('export');
+  if ((await ask(station.url, 'survey')).json.step) {
+    await page.getByRole('button', { name: 'Export' }).click();  // closes it again
+    const step = await get('STEP');
+    assert.match(step.text, /^ISO-10303-21;/);
+    for (const p of found) assert.ok(step.text.includes(`'${p.id} ${p.kind}'`), `the CAD model lacks ${p.id}`);
+  } else await page.getByText('not part of this build').waitFor();
+  await page.getByRole('heading', { level: 1 }).click();  // closes the menu
   const other = copySurvey(survey), file = join(other, 'exported.json');
   writeFileSync(file, product.text);
   const second = await startStation(vss, other, ['--product', file]);
@@ -261,6 +279,54 @@ await test('exports all that the command line writes, and another station takes 
   await second.kill();
   rmSync(other, { recursive: true, force: true });
   assert.equal(taken.length, found.length);
+});
+
+const rig = join(survey, '../../../shared/calibration/rig-1');
+await test('calibrates a camera, takes it over, and takes that back', async () => {
+  if (!existsSync(join(rig, 'calibration.toml'))) { console.log(`        NOT TESTED: ${rig} is not there`); return; }
+  const job = join(folder, 'rig');
+  mkdirSync(job);
+  for (const name of ['board_cam4', 'cube']) cpSync(join(rig, name), join(job, name), { recursive: true });
+  const blocks = readFileSync(join(rig, 'calibration.toml'), 'utf8').split(/\n(?=\[\[)/);
+  writeFileSync(join(job, 'calibration.toml'), blocks.filter((b, i) => i === 0 || b.includes('"cam4"')).join('\n'));
+  await tab('cameras');
+  await page.getByText("These are the survey's own cameras.").waitFor();
+  assert.equal(await page.getByRole('combobox', { name: 'Job' }).inputValue(), 'rig/calibration.toml');
+  await page.locator('#calibrate').click();
+  await page.locator('.toast').getByText(/Calibration finished/).waitFor({ timeout: 200000 });
+  await page.getByText('Last calibration: rig/calibration.toml').waitFor();
+  const [report] = await Promise.all([browser.context.waitForEvent('page'), page.getByRole('link', { name: 'Show the report' }).click()]);
+  await report.locator('h1', { hasText: 'Calibration' }).waitFor();
+  await report.close();
+  await page.getByRole('button', { name: 'Use these cameras' }).click();
+  await page.getByText('Taken over from rig/calibration.toml.').waitFor();
+  await page.getByText('The parts were found with other cameras').waitFor();
+  const residual = async () => (await ask(station.url, 'survey')).json.cameras.find((c) => c.id === 'cam4').residual_px;
+  assert.ok((await residual()) < 0.2, `residual ${await residual()} px`);
+  await shot('cameras');
+  await page.locator('#panel').press('Control+z');
+  await page.getByText("These are the survey's own cameras.").waitFor();
+  assert.equal(await residual(), null);
+});
+
+await test('gives a key to another action, and the usual one back', async () => {
+  await page.locator('body').press('?');
+  await page.getByRole('button', { name: 'Other key for: Vertices' }).click();
+  await page.keyboard.press('q');
+  await page.getByRole('button', { name: 'Other key for: Vertices' }).getByText('Q').waitFor();
+  await page.getByRole('button', { name: 'Close' }).click();
+  const vertices = async () => (await page.evaluate(() => JSON.parse(localStorage.getItem('vss.page')).layers.vertices));
+  const before = await vertices();
+  await page.locator('body').press('q');
+  assert.equal(await vertices(), !before);
+  await page.locator('body').press('v');  // means nothing now
+  assert.equal(await vertices(), !before);
+  await page.locator('body').press('?');
+  await page.getByRole('button', { name: 'Usual keys' }).click();
+  await page.keyboard.press('Escape');
+  await page.locator('dialog').waitFor({ state: 'detached' });
+  await page.locator('body').press('v');
+  assert.equal(await vertices(), before);
 });
 
 // What a person sees: which contour of which part is where. Recorded before everything is undone.
@@ -411,7 +477,7 @@ await test('shows two pages each other\'s edits and overwrites nothing silently'
 await test('has no serious fault for people who cannot see or point well', async () => {
   const axe = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
   await page.evaluate(axe + '; undefined');  // through the debugger, which the page's security policy does not bind
-  for (const name of ['parts', 'todo', 'build', 'parameters', 'history', 'help']) {
+  for (const name of ['parts', 'todo', 'build', 'parameters', 'cameras', 'history', 'help']) {
     await tab(name);
     const result = await page.evaluate(async () => (await window.axe.run(document, { resultTypes: ['violations'] })).violations.filter((v) => v.impact === 'serious' || v.impact === 'critical').map((v) => `${v.id}: ${v.nodes[0].html.slice(0, 160)} ${v.nodes[0].failureSummary ?? ''}`));
     assert.deepEqual(result, [], `panel ${name}`);
