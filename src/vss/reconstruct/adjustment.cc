@@ -111,6 +111,15 @@ MatrixXd ImgByIntrinsics(const Intrinsics& k, const Vector3d& p, const Vector2d&
   return j;
 }
 
+// How far, along the observation's normal, a bias of one pixel moves the contour there.
+double BiasShift(const AdjustedPart& part, int contour, const WorldSolid& solid, const Observation& o,
+                 const Eigen::RowVector3d& normal_by_world) {
+  const auto rim = part.rim_mm_per_px.find(contour);
+  if (rim == part.rim_mm_per_px.end()) return 1;
+  const auto& circle = solid.circles[static_cast<std::size_t>(o.sample.index)];
+  return rim->second * normal_by_world.dot((o.sample.point_in_world - circle.center.point).normalized());
+}
+
 double TukeyWeight(double z) {
   const double q = z / kTukey;
   return std::abs(q) >= 1 ? 0 : (1 - q * q) * (1 - q * q);
@@ -129,7 +138,8 @@ Adjustment::Adjustment(std::span<const View> views, std::vector<AdjustedPart> pa
     : parts(std::move(parts_in)),
       cameras(std::move(cameras_in)),
       stops(std::move(stops_in)),
-      systematic_px{o.free_systematic_px, o.contact_systematic_px, o.round_systematic_px},
+      systematic_px{o.free_systematic_px, o.contact_systematic_px, o.round_systematic_px,
+                    o.limb_systematic_px},
       options(o),
       views_(views.begin(), views.end()) {
   camera_of_view_.assign(views.size(), -1);
@@ -155,6 +165,7 @@ std::vector<View> Adjustment::AdjustedViews() const {
     View& view = out[v];
     const auto c = static_cast<std::size_t>(camera_of_view_[v]);
     view.camera = &changed_[c];
+    view.center_in_world *= 1 + scale;
     view.center_in_world += cameras[c].value.segment<3>(3);
     if (stop_of_view_[v] >= 0)
       view.center_in_world += stops[static_cast<std::size_t>(stop_of_view_[v])].value;
@@ -181,17 +192,28 @@ Adjustment::Layout Adjustment::MakeLayout() const {
     l.stop.push_back(l.size);
     l.size += 3;
   }
+  if (!options.known_lengths.empty()) l.scale = l.size++;
   return l;
 }
 
 void Adjustment::PrepareBiases() {
   std::map<std::pair<int, int>, std::vector<double>> lengths;
-  std::map<std::pair<int, int>, EdgeClass> classes;
+  std::map<std::pair<int, int>, ContourClass> classes;
+  std::map<std::pair<int, int>, std::vector<double>> rims;  // mm a px
   for (const auto& g : groups) {
-    for (const auto& o : g.observations) lengths[{g.part, g.contour}].push_back(o.half_length_px);
-    classes[{g.part, g.contour}] = g.edge_class;
+    const std::pair key(g.part, g.contour);
+    const auto& view = views_[static_cast<std::size_t>(g.view)];
+    for (const auto& o : g.observations) {
+      lengths[key].push_back(o.half_length_px);
+      if (o.sample.source == ContourSample::Source::kCircle)
+        rims[key].push_back((view.cam_from_world * o.sample.point_in_world).z() /
+                            view.camera->intrinsics.fx_px);
+    }
+    classes[key] = g.edge_class;
   }
-  for (auto& part : parts) part.bias_sigma_px.clear();
+  for (auto& part : parts) part.bias_sigma_px.clear(), part.rim_mm_per_px.clear();
+  for (const auto& [key, mm_per_px] : rims)
+    parts[static_cast<std::size_t>(key.first)].rim_mm_per_px[key.second] = Median(mm_per_px);
   for (const auto& [key, half] : lengths) {
     const double length = Median(half);
     auto& part = parts[static_cast<std::size_t>(key.first)];
@@ -213,8 +235,13 @@ void Adjustment::UpdateResiduals() {
     const double bias = part.bias_px[group.contour];
     for (auto& o : group.observations) {
       o.sample.point_in_world = SamplePoint(solids[static_cast<std::size_t>(group.part)], o.sample);
-      const auto img = view.camera->intrinsics.Project(view.cam_from_world * o.sample.point_in_world);
-      o.residual_px = img ? o.normal.dot(*img - o.measured) + bias : 0;
+      Eigen::Matrix<double, 2, 3> by_cam;
+      const auto img =
+          view.camera->intrinsics.Project(view.cam_from_world * o.sample.point_in_world, &by_cam);
+      const double shift = img ? BiasShift(part, group.contour, solids[static_cast<std::size_t>(group.part)],
+                                           o, o.normal.transpose() * by_cam * view.cam_from_world.rotation)
+                               : 0;
+      o.residual_px = img ? o.normal.dot(*img - o.measured) + bias * shift : 0;
       if (!img) o.weight = 0;
     }
   }
@@ -253,9 +280,9 @@ void Adjustment::UpdateSystematics() {
   double unknowns = 0;
   for (const auto& p : parts) unknowns += static_cast<double>(std::count(p.free.begin(), p.free.end(), true));
   const double defaults[] = {options.free_systematic_px, options.contact_systematic_px,
-                             options.round_systematic_px};
+                             options.round_systematic_px, options.limb_systematic_px};
   const double share = std::max(0.3, 1 - unknowns / std::max<double>(1, static_cast<double>(groups.size())));
-  for (int c = 0; c < kNumEdgeClasses; ++c) {
+  for (int c = 0; c < kNumContourClasses; ++c) {
     std::vector<std::pair<double, double>> means;  // squared mean, variance by noise
     for (const auto& g : groups)
       if (static_cast<int>(g.edge_class) == c)
@@ -280,8 +307,8 @@ void Adjustment::UpdateSystematics() {
   }
 }
 
-void Adjustment::AddGroup(const ObservationGroup& group, const WorldSolid& solid,
-                          const std::vector<View>& views) {
+Adjustment::Term Adjustment::TermOf(const ObservationGroup& group, const WorldSolid& solid,
+                                    const std::vector<View>& views) const {
   const auto p = static_cast<std::size_t>(group.part), v = static_cast<std::size_t>(group.view);
   const auto c = static_cast<std::size_t>(camera_of_view_[v]);
   const View& view = views[v];
@@ -294,6 +321,7 @@ void Adjustment::AddGroup(const ObservationGroup& group, const WorldSolid& solid
   at.push_back(layout_.bias[p].at(group.contour));
   if (has_stop)
     for (int i = 0; i < 3; ++i) at.push_back(layout_.stop[static_cast<std::size_t>(stop_of_view_[v])] + i);
+  if (layout_.scale >= 0) at.push_back(layout_.scale);
   const auto n = static_cast<Eigen::Index>(at.size());
   MatrixXd a = MatrixXd::Zero(n, n);
   VectorXd u = VectorXd::Zero(n), g = VectorXd::Zero(n), j(n);
@@ -313,8 +341,12 @@ void Adjustment::AddGroup(const ObservationGroup& group, const WorldSolid& solid
       j.segment(state + kPlaceSize, intrinsics) =
           (o.normal.transpose() * ImgByIntrinsics(k, q, *img, intrinsics)).transpose();
     Eigen::Index next = state + kPlaceSize + intrinsics;
-    j[next++] = 1;
-    if (has_stop) j.segment<3>(next) = -n_by_world.transpose();
+    j[next++] = BiasShift(parts[p], group.contour, solid, o, n_by_world);
+    if (has_stop) {
+      j.segment<3>(next) = -n_by_world.transpose();
+      next += 3;
+    }
+    if (layout_.scale >= 0) j[next] = -n_by_world.dot(views_[v].center_in_world);
     const double w = o.weight;
     a.selfadjointView<Eigen::Lower>().rankUpdate(j, w);
     u += w * j;
@@ -326,13 +358,7 @@ void Adjustment::AddGroup(const ObservationGroup& group, const WorldSolid& solid
   const double share = s2 / (1 + s2 * sum);
   a.selfadjointView<Eigen::Lower>().rankUpdate(u, -share);
   g += share * mean * u;
-  for (Eigen::Index x = 0; x < n; ++x) {
-    g_[at[static_cast<std::size_t>(x)]] += group.weight * g[x];
-    for (Eigen::Index y = 0; y <= x; ++y) {
-      const int r = at[static_cast<std::size_t>(x)], s = at[static_cast<std::size_t>(y)];
-      h_(std::max(r, s), std::min(r, s)) += group.weight * a(x, y);
-    }
-  }
+  return {std::move(at), group.weight * a, group.weight * g};
 }
 
 double Adjustment::PriorScale(const AdjustedCamera& camera) const {
@@ -354,10 +380,22 @@ void Adjustment::AddPriors(bool shared_free) {
       g_[at] -= w * part.bias_px.at(contour);
     }
   }
+  for (const auto& known : options.known_lengths) {
+    const auto p = static_cast<std::size_t>(known.part), i = static_cast<std::size_t>(known.dimension);
+    const int at = layout_.part[p] + kPlacementSize + known.dimension;
+    const double w = 1 / (known.sigma_mm * known.sigma_mm);
+    h_(at, at) += w;
+    g_[at] += w * (known.value_mm - parts[p].object.dimensions_mm[i]);
+  }
   if (!shared_free) return;
+  if (layout_.scale >= 0) {
+    const double w = 1 / (options.scale_sigma * options.scale_sigma);
+    h_(layout_.scale, layout_.scale) += w;
+    g_[layout_.scale] -= w * scale;
+  }
   for (std::size_t c = 0; c < cameras.size(); ++c) {
-    const double scale = PriorScale(cameras[c]);
-    const MatrixXd w = (scale * scale * cameras[c].prior_covariance)
+    const double prior_scale = PriorScale(cameras[c]);
+    const MatrixXd w = (prior_scale * prior_scale * cameras[c].prior_covariance)
                            .ldlt()
                            .solve(MatrixXd::Identity(cameras[c].value.size(), cameras[c].value.size()));
     const auto n = cameras[c].value.size();
@@ -396,19 +434,26 @@ void Adjustment::AddTies() {
   }
 }
 
+std::vector<bool> Adjustment::Pinned(bool shared_free) const {
+  std::vector<bool> pinned(static_cast<std::size_t>(layout_.size));
+  for (std::size_t p = 0; p < parts.size(); ++p)
+    for (std::size_t i = 0; i < parts[p].free.size(); ++i)
+      pinned[static_cast<std::size_t>(layout_.part[p]) + i] = !parts[p].free[i];
+  const int first_shared = cameras.empty() ? layout_.size : layout_.camera[0];
+  for (int i = first_shared; i < layout_.size && !shared_free; ++i)
+    pinned[static_cast<std::size_t>(i)] = true;
+  return pinned;
+}
+
 void Adjustment::Pin(bool shared_free) {
-  auto pin = [&](Eigen::Index i) {
+  const auto pinned = Pinned(shared_free);
+  for (Eigen::Index i = 0; i < layout_.size; ++i) {
+    if (!pinned[static_cast<std::size_t>(i)]) continue;
     h_.row(i).setZero();
     h_.col(i).setZero();
     h_(i, i) = 1;
     g_[i] = 0;
-  };
-  for (std::size_t p = 0; p < parts.size(); ++p)
-    for (std::size_t i = 0; i < parts[p].free.size(); ++i)
-      if (!parts[p].free[i]) pin(layout_.part[p] + static_cast<Eigen::Index>(i));
-  if (shared_free) return;
-  const Eigen::Index first = cameras.empty() ? layout_.size : layout_.camera[0];
-  for (Eigen::Index i = first; i < layout_.size; ++i) pin(i);
+  }
 }
 
 void Adjustment::Build(bool shared_free) {
@@ -418,8 +463,16 @@ void Adjustment::Build(bool shared_free) {
   const auto views = AdjustedViews();
   std::vector<WorldSolid> solids;
   for (const auto& p : parts) solids.push_back(PlaceSolid(p.object));
-  for (const auto& group : groups)
-    if (group.weight > 0) AddGroup(group, solids[static_cast<std::size_t>(group.part)], views);
+  for (const auto& group : groups) {
+    if (group.weight <= 0) continue;
+    const Term term = TermOf(group, solids[static_cast<std::size_t>(group.part)], views);
+    for (std::size_t x = 0; x < term.at.size(); ++x) {
+      g_[term.at[x]] += term.g[static_cast<Eigen::Index>(x)];
+      for (std::size_t y = 0; y <= x; ++y)
+        h_(std::max(term.at[x], term.at[y]), std::min(term.at[x], term.at[y])) +=
+            term.h(static_cast<Eigen::Index>(x), static_cast<Eigen::Index>(y));
+    }
+  }
   AddPriors(shared_free);
   AddTies();
   Pin(shared_free);
@@ -440,6 +493,7 @@ void Adjustment::Apply(const VectorXd& step) {
   for (std::size_t c = 0; c < cameras.size(); ++c)
     cameras[c].value += step.segment(layout_.camera[c], cameras[c].value.size());
   for (std::size_t s = 0; s < stops.size(); ++s) stops[s].value += step.segment<3>(layout_.stop[s]);
+  if (layout_.scale >= 0) scale += step[layout_.scale];
 }
 
 double Adjustment::Solve(int max_steps, bool shared_free) {
@@ -536,6 +590,65 @@ MatrixXd Adjustment::CameraCovariance(int camera) const {
 Matrix3d Adjustment::StopCovariance(int stop) const {
   const int at = layout_.stop[static_cast<std::size_t>(stop)];
   return covariance_.block<3, 3>(at, at);
+}
+
+double Adjustment::ScaleSigma() const {
+  return layout_.scale < 0 ? 0 : std::sqrt(std::max(0.0, covariance_(layout_.scale, layout_.scale)));
+}
+
+// With U the view's part of the normal matrix H, u of the right side (which is zero at the solution), and C =
+// H^-1: (H - U)^-1 = C + C U (I - C U)^-1 C, and the step without the view is -(H - U)^-1 u (Sherman,
+// Morrison, Woodbury). U is small: only the unknowns that the view knows of.
+std::vector<Adjustment::Change> Adjustment::ChangesWithout(int view) const {
+  const auto views = AdjustedViews();
+  const auto pinned = Pinned(options.adjust_cameras);
+  std::map<int, int> index;  // unknown -> row of U
+  std::vector<Term> terms;
+  for (const auto& group : groups) {
+    if (group.view != view || group.weight <= 0) continue;
+    const auto& object = parts[static_cast<std::size_t>(group.part)].object;
+    terms.push_back(TermOf(group, PlaceSolid(object), views));
+    for (int at : terms.back().at)
+      if (!pinned[static_cast<std::size_t>(at)]) index.insert({at, 0});
+  }
+  std::vector<int> unknowns;
+  for (auto& [at, row] : index) {
+    row = static_cast<int>(unknowns.size());
+    unknowns.push_back(at);
+  }
+  const auto n = static_cast<Eigen::Index>(unknowns.size());
+  MatrixXd u = MatrixXd::Zero(n, n);
+  VectorXd right = VectorXd::Zero(n);
+  for (const auto& term : terms)
+    for (std::size_t x = 0; x < term.at.size(); ++x) {
+      const auto row = index.find(term.at[x]);
+      if (row == index.end()) continue;
+      right[row->second] += term.g[static_cast<Eigen::Index>(x)];
+      for (std::size_t y = 0; y < term.at.size(); ++y) {
+        const auto column = index.find(term.at[y]);
+        if (column == index.end()) continue;
+        u(row->second, column->second) +=
+            term.h(static_cast<Eigen::Index>(std::max(x, y)), static_cast<Eigen::Index>(std::min(x, y)));
+      }
+    }
+  const MatrixXd own = covariance_(unknowns, unknowns);
+  const MatrixXd more =
+      u * (MatrixXd::Identity(n, n) - own * u).partialPivLu().solve(MatrixXd::Identity(n, n));
+  std::vector<Change> out;
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    const auto size = parts[p].object.StateSize();
+    std::vector<int> rows;
+    for (int i = 0; i < size; ++i) rows.push_back(layout_.part[p] + i);
+    const MatrixXd c = covariance_(rows, unknowns);
+    const MatrixXd grown = c * more;
+    Change change{-(c * right + grown * (own * right)), VectorXd(size)};
+    for (int i = 0; i < size; ++i) change.sigma[i] = std::sqrt(std::max(0.0, grown.row(i).dot(c.row(i))));
+    for (int i = 0; i < size; ++i)
+      if (pinned[static_cast<std::size_t>(rows[static_cast<std::size_t>(i)])])
+        change.step[i] = change.sigma[i] = 0;
+    out.push_back(std::move(change));
+  }
+  return out;
 }
 
 MatrixXd Adjustment::DataInformation(int part) const {
