@@ -1,4 +1,4 @@
-#include "vss/product/product_json.h"
+#include "vss/product/json_pieces.inc"
 
 namespace vss::product_json {
 namespace {

@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "vss/product/product_json.h"
+#include "vss/product/json_pieces.inc"
 
 namespace vss {
 namespace {

@@ -1,11 +1,10 @@
 // Product definition data as JSON, format vss-product/1.
-#include "vss/product/product_json.h"
-
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "vss/base/files.h"
+#include "vss/product/json_pieces.inc"
 
 namespace vss {
 namespace {

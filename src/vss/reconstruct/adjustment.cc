@@ -23,7 +23,10 @@ constexpr double kMinScatterPx = 0.02;  // robust scale of a group never below
 constexpr double kScatterBelief = 10;   // so many observations' worth of belief in their own sigmas
 constexpr double kMinSystematicPx = 0.004, kMaxSystematicPx = 8;
 constexpr double kDefaultGroups = 5;  // so many groups' worth of belief in the systematic sigma at the start
-constexpr double kLoosening = 100;    // of the prior of a camera that was found to have moved
+constexpr double kContourGroups = 3;  // and so many in a contour's being like its class
+// Half of what pulls a contour in single pictures pulls it in all: lamps and cameras travel together.
+constexpr double kPulledAlike = 0.5;
+constexpr double kLoosening = 100;  // of the prior of a camera that was found to have moved
 constexpr double kQuantile = 0.75, kChiSquareAtQuantile = 1.3233;  // of one degree of freedom
 
 double Median(std::vector<double> v) {
@@ -199,30 +202,35 @@ Adjustment::Layout Adjustment::MakeLayout() const {
 void Adjustment::PrepareBiases() {
   std::map<std::pair<int, int>, std::vector<double>> lengths;
   std::map<std::pair<int, int>, ContourClass> classes;
-  std::map<std::pair<int, int>, std::vector<double>> rims;  // mm a px
+  std::map<std::pair<int, int>, std::vector<double>> mm_per_px, height_mm;
+  std::map<std::pair<int, int>, bool> is_rim;
   for (const auto& g : groups) {
     const std::pair key(g.part, g.contour);
     const auto& view = views_[static_cast<std::size_t>(g.view)];
     for (const auto& o : g.observations) {
       lengths[key].push_back(o.half_length_px);
-      if (o.sample.source == ContourSample::Source::kCircle)
-        rims[key].push_back((view.cam_from_world * o.sample.point_in_world).z() /
-                            view.camera->intrinsics.fx_px);
+      is_rim[key] = o.sample.source == ContourSample::Source::kCircle;
+      height_mm[key].push_back(o.sample.point_in_world.z() -
+                               parts[static_cast<std::size_t>(g.part)].object.placement[2]);
+      mm_per_px[key].push_back((view.cam_from_world * o.sample.point_in_world).z() /
+                               view.camera->intrinsics.fx_px);
     }
     classes[key] = g.edge_class;
   }
-  for (auto& part : parts) part.bias_sigma_px.clear(), part.rim_mm_per_px.clear();
-  for (const auto& [key, mm_per_px] : rims)
-    parts[static_cast<std::size_t>(key.first)].rim_mm_per_px[key.second] = Median(mm_per_px);
+  for (auto& part : parts) part.bias_prior_px.clear(), part.bias_sigma_px.clear(), part.rim_mm_per_px.clear();
   for (const auto& [key, half] : lengths) {
     const double length = Median(half);
     auto& part = parts[static_cast<std::size_t>(key.first)];
+    const double mm = Median(mm_per_px[key]), above_px = std::max(0.0, Median(height_mm[key]) / mm);
+    if (is_rim[key]) part.rim_mm_per_px[key.second] = mm;
+    const double shadow = options.bias_px[static_cast<std::size_t>(ContourClass::kContact)] *
+                          std::exp(-above_px / options.shadow_reach_px);
     part.bias_px.insert({key.second, 0.0});
-    part.bias_sigma_px[key.second] = std::hypot(options.bias_px[static_cast<std::size_t>(classes[key])],
-                                                options.short_edge_bias / (length * length));
+    const double own = std::max(options.bias_px[static_cast<std::size_t>(classes[key])], shadow);
+    part.bias_prior_px[key.second] = std::hypot(own, options.short_edge_bias / (length * length));
   }
   for (auto& part : parts)
-    std::erase_if(part.bias_px, [&](const auto& b) { return !part.bias_sigma_px.contains(b.first); });
+    std::erase_if(part.bias_px, [&](const auto& b) { return !part.bias_prior_px.contains(b.first); });
 }
 
 void Adjustment::UpdateResiduals() {
@@ -274,36 +282,64 @@ void Adjustment::UpdateWeights() {
   }
 }
 
+namespace {
+
+// A group's squared mean, and its variance by noise.
+using SquaredMean = std::pair<double, double>;
+
 // The sigma at which three quarters of the groups' means, set against it and their own noise, are as small as
-// three quarters of normal numbers are; corrected for the unknowns that were fitted to them.
+// three quarters of normal numbers are; `share`: of the groups that no unknown was fitted to.
+double SystematicOf(const std::vector<SquaredMean>& means, double share) {
+  const auto quantile = [&](double s) {
+    std::vector<double> z;
+    for (const auto& [m, v] : means) z.push_back(m / (s * s + v));
+    const auto at =
+        z.begin() + static_cast<std::ptrdiff_t>(kQuantile * static_cast<double>(means.size() - 1));
+    std::nth_element(z.begin(), at, z.end());
+    return *at;
+  };
+  double low = kMinSystematicPx, high = kMaxSystematicPx;
+  for (int it = 0; it < 40; ++it) {
+    const double middle = std::sqrt(low * high);
+    (quantile(middle) > kChiSquareAtQuantile * share ? low : high) = middle;
+  }
+  return low;
+}
+
+double Believed(double estimate, double n, double before, double belief) {
+  return std::exp((n * std::log(estimate) + belief * std::log(before)) / (n + belief));
+}
+
+}  // namespace
+
 void Adjustment::UpdateSystematics() {
   double unknowns = 0;
   for (const auto& p : parts) unknowns += static_cast<double>(std::count(p.free.begin(), p.free.end(), true));
   const double defaults[] = {options.free_systematic_px, options.contact_systematic_px,
                              options.round_systematic_px, options.limb_systematic_px};
   const double share = std::max(0.3, 1 - unknowns / std::max<double>(1, static_cast<double>(groups.size())));
-  for (int c = 0; c < kNumContourClasses; ++c) {
-    std::vector<std::pair<double, double>> means;  // squared mean, variance by noise
-    for (const auto& g : groups)
-      if (static_cast<int>(g.edge_class) == c)
-        means.emplace_back(g.mean_px * g.mean_px, g.sigma_mean_px * g.sigma_mean_px);
-    const auto i = static_cast<std::size_t>(c);
-    const double n = static_cast<double>(means.size());
-    if (means.empty()) continue;
-    auto quantile = [&](double s) {
-      std::vector<double> z;
-      for (const auto& [m, v] : means) z.push_back(m / (s * s + v));
-      const auto at = z.begin() + static_cast<std::ptrdiff_t>(kQuantile * (n - 1));
-      std::nth_element(z.begin(), at, z.end());
-      return *at;
-    };
-    double low = kMinSystematicPx, high = kMaxSystematicPx;
-    for (int it = 0; it < 40; ++it) {
-      const double middle = std::sqrt(low * high);
-      (quantile(middle) > kChiSquareAtQuantile * share ? low : high) = middle;
-    }
-    const double d = defaults[i];
-    systematic_px[i] = std::exp((n * std::log(low) + kDefaultGroups * std::log(d)) / (n + kDefaultGroups));
+  std::array<std::vector<SquaredMean>, kNumContourClasses> by_class;
+  std::map<std::pair<int, int>, std::vector<SquaredMean>> by_contour;
+  for (const auto& g : groups) {
+    const SquaredMean mean(g.mean_px * g.mean_px, g.sigma_mean_px * g.sigma_mean_px);
+    by_class[static_cast<std::size_t>(g.edge_class)].push_back(mean);
+    by_contour[{g.part, g.contour}].push_back(mean);
+  }
+  for (std::size_t c = 0; c < by_class.size(); ++c)
+    if (!by_class[c].empty())
+      systematic_px[c] = Believed(SystematicOf(by_class[c], share), static_cast<double>(by_class[c].size()),
+                                  defaults[c], kDefaultGroups);
+  // A contour whose pictures disagree more than those of its class do is known worse.
+  for (auto& g : groups) {
+    const double of_class = systematic_px[static_cast<std::size_t>(g.edge_class)];
+    const auto& means = by_contour[{g.part, g.contour}];
+    const double own =
+        Believed(SystematicOf(means, share), static_cast<double>(means.size()), of_class, kContourGroups);
+    g.systematic_px = std::max(of_class, own);
+    auto& part = parts[static_cast<std::size_t>(g.part)];
+    const double least = means.size() == 1 ? options.single_view_bias_px : 0;
+    part.bias_sigma_px[g.contour] =
+        std::hypot(std::max(part.bias_prior_px[g.contour], least), kPulledAlike * g.systematic_px);
   }
 }
 
@@ -354,7 +390,7 @@ Adjustment::Term Adjustment::TermOf(const ObservationGroup& group, const WorldSo
     sum += w;
     mean += w * o.residual_px;
   }
-  const double s2 = std::pow(systematic_px[static_cast<std::size_t>(group.edge_class)], 2);
+  const double s2 = group.systematic_px * group.systematic_px;
   const double share = s2 / (1 + s2 * sum);
   a.selfadjointView<Eigen::Lower>().rankUpdate(u, -share);
   g += share * mean * u;

@@ -37,6 +37,7 @@ struct ObservationGroup {
   int contour = 0;  // ContourKey
   ContourClass edge_class = ContourClass::kFree;
   std::vector<Observation> observations;
+  double systematic_px = 0;  // common error of its observations, one sigma
   double weight = 1;         // robust
   double mean_px = 0;        // weighted mean residual
   double sigma_mean_px = 0;  // of the mean, from the observations' own noise
@@ -55,7 +56,7 @@ struct AdjustedPart {
   // What pulls a contour the same way in all pictures (chamfer, contact shadow), along the observations'
   // normal; it cannot be told from the part's shape, so that its prior sigma bounds how well the shape is
   // known.
-  std::map<int, double> bias_px, bias_sigma_px;
+  std::map<int, double> bias_px, bias_prior_px, bias_sigma_px;
   // Of rims: there a pull is one of the radius, so that the oblique view of a circle does not seem to tell
   // the two apart. mm of radius for a px of bias.
   std::map<int, double> rim_mm_per_px;
@@ -88,6 +89,9 @@ struct AdjustmentOptions {
   // What may pull a contour in all pictures alike, by class; and an edge of short pieces, px * px^2.
   std::array<double, kNumContourClasses> bias_px{0.02, 0.2, 0.05, 0.5};
   double short_edge_bias = 0.15;
+  // A part's foot is surrounded by shadow; of its pull an edge at this height above has 1/e.
+  double shadow_reach_px = 3;
+  double single_view_bias_px = 0.2;  // a contour that one picture alone measured: nothing checks it
   double stop_sigma_mm = 0.15;
   double free_systematic_px = 0.03, contact_systematic_px = 0.15, round_systematic_px = 0.05,
          limb_systematic_px = 0.15;  // to start with

@@ -292,8 +292,9 @@ class Cutter {
       if (gap < options_.min_gap_px) return false;
       const double reach = parallel.across > 0 ? p.reach_plus_px : p.reach_minus_px;
       if (gap > reach + kCrossMarginPx) continue;
+      const Candidate& other = all_[parallel.index];
       if (static_cast<int>(p.neighbours.size()) < kMaxNeighbours) {
-        ProfileCurve curve = all_[parallel.index].piece.curve;
+        ProfileCurve curve = other.piece.curve;
         if (curve.normal.dot(n) < 0) curve.normal = -curve.normal, curve.curvature = -curve.curvature;
         p.neighbours.push_back(curve);
       } else {

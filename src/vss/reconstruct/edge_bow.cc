@@ -96,8 +96,7 @@ std::vector<EdgeBow> EdgeBows(const Adjustment& a) {
     const std::pair key(group.part, sample.index);
     directions[key] = across;
     const auto& view = views[static_cast<std::size_t>(group.view)];
-    const double systematic = a.systematic_px[static_cast<std::size_t>(group.edge_class)];
-    if (const auto sighting = See(group, view, across, systematic)) seen[key].push_back(*sighting);
+    if (const auto sighting = See(group, view, across, group.systematic_px)) seen[key].push_back(*sighting);
   }
   std::vector<EdgeBow> out;
   for (const auto& [key, sightings] : seen) {

@@ -111,7 +111,10 @@ class Reconstructor {
         };
         if (progress_.Cancelled()) return Cancelled();
         if (HoldCaptured(a)) anew();
-        if (FreeReconsidered(a)) anew();
+        if (FreeReconsidered(a)) {
+          anew();
+          if (HoldCaptured(a)) anew();
+        }
         a.ComputeCovariance();
         FixUnobservable(a);
       }
@@ -136,13 +139,15 @@ class Reconstructor {
     }
     const auto solids = PlaceAll(parts);
     const auto others = OthersOf(solids);
-    std::vector<LineDistances> distances(parts.size());
-    ParallelFor(parts.size(), threads_, [&](std::size_t i) {
-      distances[i] = DistancesToLines(parts[i].object, views_, &others[i], {});
-    });
-    ParallelFor(parts.size(), threads_,
-                [&](std::size_t i) { DrawToLines(parts[i], others[i], LeastOfOthers(distances, i)); });
-    Reconsider(parts, DrawnFar(parts));
+    if (options_.draw_to_lines) {
+      std::vector<LineDistances> distances(parts.size());
+      ParallelFor(parts.size(), threads_, [&](std::size_t i) {
+        distances[i] = DistancesToLines(parts[i].object, views_, &others[i], {});
+      });
+      ParallelFor(parts.size(), threads_,
+                  [&](std::size_t i) { DrawToLines(parts[i], others[i], LeastOfOthers(distances, i)); });
+      Reconsider(parts, DrawnFar(parts));
+    }
     for (auto& p : parts) {
       SetPriors(p);
       drawn_.push_back(p.object);
@@ -150,9 +155,9 @@ class Reconstructor {
     return parts;
   }
 
-  // What the grey values say for each part as it stands, over the views in which it is measured best.
-  double Support(const std::vector<AdjustedPart>& parts, std::size_t p,
-                 std::span<const std::size_t> views) const {
+  // What the grey values say for each part as it stands, in each of the views.
+  std::vector<double> Support(const std::vector<AdjustedPart>& parts, std::size_t p,
+                              std::span<const std::size_t> views) const {
     const auto solids = PlaceAll(parts);
     const auto others = OthersOf(solids);
     std::vector<double> support(views.size());
@@ -162,7 +167,19 @@ class Reconstructor {
                                {kReconsiderPx, options_.piece_length_px, static_cast<int>(p)})
                        .support[p];
     });
-    return std::accumulate(support.begin(), support.end(), 0.0);
+    return support;
+  }
+
+  // By how much `support` is more than `before`; nothing where a single view says so: a shadow may run there.
+  static double ClearGain(const std::vector<double>& support, const std::vector<double>& before) {
+    constexpr double kPiecePx = 8;
+    double gain = 0;
+    int views = 0;
+    for (std::size_t i = 0; i < support.size(); ++i) {
+      gain += support[i] - before[i];
+      views += support[i] > before[i] + kPiecePx;
+    }
+    return views >= 2 ? gain : 0;
   }
 
   // Views that see most of a part.
@@ -210,11 +227,12 @@ class Reconstructor {
         if (!which[p][i]) continue;
         double& value = parts[p].object.dimensions_mm[i];
         const double before = value;
-        double best = before, most = Support(parts, p, views) + kClearPx;
+        const auto support_before = Support(parts, p, views);
+        double best = before, most = kClearPx;
         for (const double candidate : Candidates(p, i)) {
           value = candidate;
-          const double support = Support(parts, p, views);
-          if (support > most) most = support, best = candidate;
+          const double gain = ClearGain(Support(parts, p, views), support_before);
+          if (gain > most) most = gain, best = candidate;
         }
         value = best;
         changed[p][i] = best != before;
@@ -394,7 +412,7 @@ class Reconstructor {
   // grey values, was captured by another edge: its own is not seen. It is held at what is usual, and its part
   // starts anew. True where one was.
   bool HoldCaptured(Adjustment& a) {
-    captured_.clear();
+    captured_.resize(a.parts.size());
     bool any = false;
     constexpr double kRoughMm = 5;  // identification reads cut edges no closer, however fine the pixels
     const double reach_mm = std::max(kRoughMm, options_.search_px * TypicalMmPerPx(views_));
@@ -402,16 +420,17 @@ class Reconstructor {
       auto& part = a.parts[p];
       const PlacedObject& start = drawn_[p];
       const auto defs = start.model->dimensions();
-      std::vector<bool> captured(defs.size());
+      std::vector<bool> captured(defs.size()), held = captured_[p];
+      held.resize(defs.size());
       std::vector<std::optional<double>> known(defs.size());
       for (std::size_t i = 0; i < defs.size(); ++i) {
         const double value = part.object.dimensions_mm[i];
-        captured[i] = value < defs[i].min_mm || value > defs[i].max_mm ||
+        captured[i] = held[i] || value < defs[i].min_mm || value > defs[i].max_mm ||
                       std::abs(value - start.dimensions_mm[i]) > reach_mm;
         if (!captured[i]) known[i] = value;
       }
-      captured_.push_back(captured);
-      if (std::none_of(captured.begin(), captured.end(), [](bool c) { return c; })) continue;
+      captured_[p] = captured;
+      if (captured == held) continue;
       any = true;
       const auto usual = start.model->UsualDimensions(known);
       part.object = start;
@@ -443,7 +462,7 @@ class Reconstructor {
         auto& part = a.parts[p];
         const auto at = kPlacementSize + static_cast<Eigen::Index>(i);
         part.free[static_cast<std::size_t>(at)] = true;
-        part.prior_value[at] = part.object.dimensions_mm[i];
+        part.prior_value[at] = drawn_[p].dimensions_mm[i] = part.object.dimensions_mm[i];
         captured_[p][i] = false;
       }
     return any;
@@ -574,6 +593,8 @@ class Reconstructor {
 std::span<const ParameterOf<ReconstructOptions>> ReconstructParameters() {
   using O = ReconstructOptions;
   static const ParameterOf<O> rows[] = {
+      {"reconstruct.draw_to_lines", &O::draw_to_lines, 0, 1, "",
+       "Draw the parts to the lines first; not needed where they lie within reconstruct.search_px already."},
       {"reconstruct.search_px", &O::search_px, 0.5, 20, "px",
        "How far from its predicted place an edge is looked for in the first round."},
       {"reconstruct.piece_length_px", &O::piece_length_px, 4, 64, "px",

@@ -22,6 +22,7 @@
 namespace vss {
 
 struct ReconstructOptions {
+  bool draw_to_lines = true;  // false: the parts lie within `search_px` already
   double search_px = 3;
   double piece_length_px = 8;
   bool adjust_cameras = true;
