@@ -160,6 +160,27 @@ TEST(BadInput, SmallSurveyIsSoundBeforeItIsSpoilt) {
   EXPECT_TRUE(fs::exists(scratch / "out/product.json"));
 }
 
+TEST(BadInput, ABadDesignOrKnownLengthIsOneSentenceAndNothingIsWritten) {
+  const Scratch scratch;
+  MakeSmallSurvey(scratch / "survey");
+  const std::string design = (scratch / "design.toml").string();
+  WriteAll(design, "format = \"vss-nominal/1\"\n[[part]]\nid = \"a\"\nkind = \"gear\"\n");
+  const auto refused = [&](const std::vector<std::string>& more, int code, const std::string& said) {
+    std::vector<std::string> arguments = {
+        "survey", (scratch / "survey").string(), "-o", (scratch / "out").string(), "--progress", "none"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const Outcome run = RunProgram(scratch, arguments);
+    EXPECT_EQ(run.exit_code, code) << run.err;
+    EXPECT_THAT(run.err, HasSubstr(said));
+    EXPECT_EQ(std::count(run.err.begin(), run.err.end(), '\n'), 1) << run.err;
+    EXPECT_FALSE(fs::exists(scratch / "out"));
+  };
+  refused({"--nominal", design}, 1, design + ":4: ");
+  refused({"--nominal", (scratch / "none.toml").string()}, 1, "none.toml");
+  refused({"--known-length", "part-1.length"}, 2, "write PART.DIMENSION=MM");
+  refused({"--known-length", "part-99.length=1200"}, 1, "there is no part-99");
+}
+
 TEST(BadInput, CtrlCStopsWithNothingWritten) {
   const Scratch scratch;
   const Outcome run = RunProgram(

@@ -80,6 +80,34 @@ TEST_F(SampleSurvey, WritesTheContractsProduct) {
   EXPECT_EQ(ids.size(), product["parts"].size());
 }
 
+TEST_F(SampleSurvey, WritesWhatASurveyorChecksItBy) {
+  const auto product = nlohmann::json::parse(ReadAll(Out() / "product.json"));
+  const auto& checks = product["checks"];
+  EXPECT_GT(checks["leave_one_out"].size(), 3u);
+  EXPECT_GT(checks["cameras"].size(), 0u);
+  EXPECT_EQ(checks["scale"]["from"], "gantry");
+  for (const auto& part : product["parts"]) {
+    EXPECT_GT(part["contours"].size(), 2u) << part["id"];
+    EXPECT_TRUE(part.contains("covariance")) << part["id"];
+    EXPECT_TRUE(part["observability"]["observable"].contains("yaw")) << part["id"];
+  }
+  EXPECT_FALSE(product.contains("nominal"));
+  EXPECT_THAT(ReadAll(Out() / "report.html"), HasSubstr("<h2>Checks</h2>"));
+}
+
+TEST_F(SampleSurvey, DoesNotDeviateFromItself) {
+  const std::string product = (Out() / "product.json").string();
+  const Outcome run = RunProgram(*scratch_, {"deviation", product, product, "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const auto comparison = nlohmann::json::parse(run.out);
+  EXPECT_EQ(comparison["parts"].size(), 7u);
+  EXPECT_TRUE(comparison["missing"].empty());
+  for (const auto& part : comparison["parts"]) {
+    EXPECT_EQ(part["designed"], part["part"]);
+    for (const auto& [name, d] : part["deviations"].items()) EXPECT_EQ(d["significant"], false) << name;
+  }
+}
+
 TEST_F(SampleSurvey, WritesAReportThatNeedsNothingElseAndAnOverlayOfEveryPicture) {
   ASSERT_EQ(outcome_->exit_code, 0) << outcome_->err;
   const std::string report = ReadAll(Out() / "report.html");
@@ -169,7 +197,7 @@ TEST(Program, HasHelpForEveryCommandAndAVersion) {
   const Scratch scratch;
   EXPECT_EQ(RunProgram(scratch, {"--version"}).exit_code, 0);
   EXPECT_EQ(RunProgram(scratch, {"--help"}).exit_code, 0);
-  for (const std::string command : {"survey", "lines", "parameters", "compare", "knowledge"}) {
+  for (const std::string command : {"survey", "lines", "parameters", "compare", "deviation", "knowledge"}) {
     const Outcome help = RunProgram(scratch, {command, "--help"});
     EXPECT_EQ(help.exit_code, 0) << command;
     EXPECT_GT(help.out.size(), 100u) << command;

@@ -4,13 +4,12 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <tuple>
 
 #include "vss/product/designation.h"
 
 namespace vss {
 namespace {
-
-std::string PartId(int index) { return fmt::format("part-{}", index + 1); }
 
 // Mean residual of the contours, root mean square.
 double ResidualOf(const std::vector<ContourMatch>& matches) {
@@ -71,7 +70,42 @@ std::vector<PictureResidual> PictureResiduals(const ReconstructedPart& reconstru
   return out;
 }
 
+std::vector<ContourResidual> ContourResiduals(const ReconstructedPart& reconstructed,
+                                              std::span<const View> views) {
+  static const char* const contours[] = {"edge", "circle", "limb"};
+  static const char* const lies[] = {"free", "contact", "round", "limb"};
+  std::vector<ContourResidual> out;
+  for (const auto& e : reconstructed.edges)
+    out.push_back({contours[static_cast<std::size_t>(e.source)], e.index, e.limb_side,
+                   lies[static_cast<std::size_t>(e.edge_class)],
+                   views[static_cast<std::size_t>(e.view)].image, e.mean_px, e.rms_px, e.num_points, e.used});
+  std::stable_sort(out.begin(), out.end(), [](const auto& a, const auto& b) {
+    return std::tie(a.contour, a.index, a.side, a.image) < std::tie(b.contour, b.index, b.side, b.image);
+  });
+  return out;
+}
+
+SurveyChecks MakeChecks(const Reconstruction& reconstruction, std::span<const View> views) {
+  static const char* const scales[] = {"known length", "gantry", "places of the pictures"};
+  SurveyChecks out;
+  for (const auto& i : reconstruction.influences)
+    out.pictures.push_back({views[static_cast<std::size_t>(i.view)].image, i.num_edges, i.rms_px,
+                            PartId(i.part), i.unknown, i.change_mm, i.sigma_mm, i.outlying});
+  for (const auto& c : reconstruction.cameras) {
+    const View& first = views[static_cast<std::size_t>(c.views[0])];
+    out.cameras.push_back({c.camera, first.stop < 0 ? first.image : -1, 1e3 * c.rotation_rad,
+                           1e3 * c.rotation_sigma_rad, c.shift_mm, c.shift_sigma_mm, c.significance,
+                           c.moved});
+  }
+  const auto& scale = reconstruction.scale;
+  out.scale = {scales[static_cast<std::size_t>(scale.from)], 1e6 * scale.correction, 1e6 * scale.sigma};
+  out.systematic_px = reconstruction.systematic_px;
+  return out;
+}
+
 }  // namespace
+
+std::string PartId(int index) { return fmt::format("part-{}", index + 1); }
 
 void SetGeometry(const PlacedObject& object, Part& part) {
   const WorldSolid solid = PlaceSolid(object, false);
@@ -127,9 +161,16 @@ void SetReconstruction(const ReconstructedPart& measured, std::span<const View> 
     if (i < size.nominal_mm.size()) part.dimensions[i].nominal_mm = size.nominal_mm[i];
   }
   part.vertex_sigma = reconstructed.vertex_sigma;
+  part.vertex_covariance = reconstructed.vertex_covariance;
   part.covariance = PoseCovariance(reconstructed.object, reconstructed.covariance);
   part.residual_px = reconstructed.residual_px;
   part.picture_residuals = PictureResiduals(reconstructed, views);
+  part.contour_residuals = ContourResiduals(reconstructed, views);
+  part.straightness.clear();
+  for (const auto& s : reconstructed.straightness)
+    part.straightness.push_back({s.edge, s.bow_mm, s.sigma_mm, s.num_views});
+  part.observable = reconstructed.observable;
+  part.singular_values = reconstructed.singular_values;
   part.remarks = reconstructed.remarks;
   part.images.clear();
   for (int view : reconstructed.views) part.images.push_back(views[static_cast<std::size_t>(view)].image);
@@ -147,6 +188,10 @@ Product MakeProduct(const SceneResult& scene, const Reconstruction& reconstructi
   }
   product.unknown = scene.unknown;
   product.warnings = reconstruction.warnings;
+  for (const auto& part : product.parts)
+    for (const auto& remark : part.remarks)
+      product.warnings.push_back(fmt::format("{} ({}): {}", part.id, part.kind, remark));
+  product.checks = MakeChecks(reconstruction, views);
   return product;
 }
 

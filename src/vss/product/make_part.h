@@ -10,6 +10,9 @@
 
 namespace vss {
 
+// How the parts of a product are called, in their order: part-1, part-2, ...
+std::string PartId(int index);
+
 // The part as identified; its sigmas are not known (NaN) until it is reconstructed.
 Part MakePart(const IdentifiedPart& found, const std::string& id, std::span<const View> views);
 

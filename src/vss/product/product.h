@@ -9,6 +9,8 @@
 
 #include "vss/geometry/rigid_transform.h"
 #include "vss/identify/evidence.h"
+#include "vss/product/checks.h"
+#include "vss/product/nominal.h"
 
 namespace vss {
 
@@ -51,8 +53,13 @@ struct Part {
   std::vector<int> images;           // indices of the pictures that were used
   std::vector<ContourMatch> matches;
   std::vector<PictureResidual> picture_residuals;
-  std::vector<std::string> remarks;  // sentences about this part
-  Eigen::MatrixXd covariance;        // of (x, y, z mm, rotation vector rad in world, dimensions mm)
+  std::vector<ContourResidual> contour_residuals;
+  std::vector<Straightness> straightness;
+  std::vector<bool> observable;                    // of x, y, z, yaw, tilt_x, tilt_y, dimensions
+  Eigen::VectorXd singular_values;                 // of the scaled Jacobian, descending
+  std::vector<std::string> remarks;                // sentences about this part
+  std::vector<Eigen::Matrix3d> vertex_covariance;  // mm^2, where asked for
+  Eigen::MatrixXd covariance;  // of (x, y, z mm, rotation vector rad in world, dimensions mm)
   double residual_px = 0;
   bool doubtful = false;
   double log_odds = 0;
@@ -71,12 +78,20 @@ struct Seam {
 // Zero where the normals are not known.
 Eigen::Vector3d ApproachOf(const Seam& seam);
 
+// Lengths are given as at 20 degrees: what was measured at `workpiece_c`, times `factor`.
+struct ReducedTemperature {
+  double workpiece_c = 20, expansion_ppm_per_k = 0, factor = 1;
+};
+
 struct Product {
   std::string survey;
   std::vector<Part> parts;
   std::vector<Seam> seams;
   std::vector<UnknownGroup> unknown;
   std::vector<std::string> warnings;
+  std::optional<SurveyChecks> checks;
+  std::optional<ReducedTemperature> temperature;
+  std::optional<NominalComparison> nominal;  // as built against as designed, where that was asked for
 };
 
 // Format vss-product/1, one object with its fields in the order of the contract, the same bytes for the same

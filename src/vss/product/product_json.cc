@@ -4,53 +4,12 @@
 #include <nlohmann/json.hpp>
 
 #include "vss/base/files.h"
-#include "vss/product/product.h"
+#include "vss/product/json_pieces.inc"
 
 namespace vss {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
-// Digits that carry meaning: a tenth of a micrometre, 1e-9 of a rotation, four digits of a ratio. What lies
-// below is the machine's, not the measurement's.
-constexpr double kLengthDigits = 1e4, kRotationDigits = 1e9, kRatioDigits = 1e4;
-
-Json Rounded(double value, double digits) {
-  if (!std::isfinite(value)) return nullptr;
-  const double rounded = std::round(value * digits) / digits;
-  return rounded == 0 ? 0.0 : rounded;  // no -0.0
-}
-Json Length(double mm) { return Rounded(mm, kLengthDigits); }
-
-// A sigma keeps four significant digits, however small.
-Json Significant(double value) {
-  if (!std::isfinite(value)) return nullptr;
-  if (value == 0) return 0.0;
-  return std::stod(fmt::format("{:.3e}", value));
-}
-
-template <class Vector, class Format>
-Json ListOf(const Vector& values, Format&& format) {
-  Json list = Json::array();
-  for (Eigen::Index i = 0; i < values.size(); ++i) list.push_back(format(values[i]));
-  return list;
-}
-Json Point(const Eigen::Vector3d& p) { return ListOf(p, Length); }
-Json Direction(const Eigen::Vector3d& n) {
-  return ListOf(n, [](double x) { return Rounded(x, kRotationDigits); });
-}
-
-template <class Format>
-Json RowsOf(const Eigen::MatrixXd& m, Format&& format) {
-  Json rows = Json::array();
-  for (Eigen::Index i = 0; i < m.rows(); ++i) rows.push_back(ListOf(Eigen::VectorXd(m.row(i)), format));
-  return rows;
-}
-
-std::string FileOf(int image, const std::vector<std::string>& files) {
-  return image >= 0 && image < static_cast<int>(files.size()) ? files[static_cast<std::size_t>(image)]
-                                                              : std::string();
-}
+using namespace product_json;
 
 Json DimensionsJson(const Part& part) {
   Json out = Json::object();
@@ -98,6 +57,13 @@ Json CovarianceJson(const Part& part) {
   return {{"order", order}, {"matrix", RowsOf(part.covariance, Significant)}};
 }
 
+// Zero where an unknown has no variance.
+Eigen::MatrixXd CorrelationOf(const Eigen::MatrixXd& covariance) {
+  const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0).cwiseSqrt();
+  const Eigen::VectorXd inverse = sigma.unaryExpr([](double s) { return s > 0 ? 1 / s : 0.0; });
+  return inverse.asDiagonal() * covariance * inverse.asDiagonal();
+}
+
 Json PartJson(const Part& part, const std::vector<std::string>& files) {
   Json out;
   out["id"] = part.id;
@@ -136,8 +102,17 @@ Json PartJson(const Part& part, const std::vector<std::string>& files) {
     out["residuals"].push_back({{"image", FileOf(r.image, files)},
                                 {"rms_px", Rounded(r.rms_px, kRatioDigits)},
                                 {"edges", r.num_edges}});
+  if (!part.contour_residuals.empty()) out["contours"] = ContourResidualsJson(part, files);
+  if (!part.straightness.empty()) out["straightness"] = StraightnessJson(part);
   out["matches"] = MatchesJson(part, files);
   if (part.covariance.size() > 0) out["covariance"] = CovarianceJson(part);
+  if (!part.vertex_covariance.empty()) {
+    out["covariance"]["correlation"] =
+        RowsOf(CorrelationOf(part.covariance), [](double x) { return Rounded(x, kRatioDigits); });
+    out["vertex_covariance"] = Json::array();
+    for (const auto& c : part.vertex_covariance) out["vertex_covariance"].push_back(RowsOf(c, Significant));
+  }
+  if (!part.observable.empty()) out["observability"] = ObservabilityJson(part);
   return out;
 }
 
@@ -288,6 +263,12 @@ Seam SeamFrom(const Json& in) {
 
 }  // namespace
 
+std::string NominalToJson(const NominalComparison& comparison) {
+  std::string text;
+  Write(NominalJson(comparison), 0, text);
+  return text + "\n";
+}
+
 std::string ProductToJson(const Product& product, const std::vector<std::string>& image_files) {
   Json out;
   out["format"] = "vss-product/1";
@@ -302,6 +283,13 @@ std::string ProductToJson(const Product& product, const std::vector<std::string>
     out["unknown"].push_back(
         {{"center", Point(u.center)}, {"extent", Point(u.extent)}, {"lines", u.num_lines}});
   out["warnings"] = product.warnings;
+  if (product.checks) out["checks"] = ChecksJson(*product.checks, image_files);
+  if (product.temperature)
+    out["temperature"] = {{"workpiece_c", product.temperature->workpiece_c},
+                          {"reference_c", 20.0},
+                          {"expansion_ppm_per_k", product.temperature->expansion_ppm_per_k},
+                          {"factor", product.temperature->factor}};
+  if (product.nominal) out["nominal"] = NominalJson(*product.nominal);
   std::string text;
   Write(out, 0, text);
   return text + "\n";

@@ -7,6 +7,7 @@
 #include "vss/base/output_folder.h"
 #include "vss/base/parallel.h"
 #include "vss/product/overlay.h"
+#include "vss/product/report_checks.h"
 #include "vss/product/report_style.h"
 #include "vss/product/scene_view.h"
 
@@ -56,9 +57,6 @@ std::string Tiles(const ReportInput& in) {
 std::string Warnings(const Product& product) {
   std::string items;
   for (const auto& warning : product.warnings) items += "<li>" + Escaped(warning) + "</li>";
-  for (const auto& part : product.parts)
-    for (const auto& remark : part.remarks)
-      items += fmt::format("<li>{}: {}</li>", Escaped(part.id), Escaped(remark));
   return items.empty() ? "" : "<div class=\"warn\" role=\"note\"><b>To note</b><ul>" + items + "</ul></div>";
 }
 
@@ -292,8 +290,10 @@ std::string Html(const ReportInput& in, const std::vector<std::optional<WorldSol
       "degrees; &plusmn; is one standard deviation.</p></div></header><main>",
       Escaped(in.product->survey), VSS_VERSION);
   out += Tiles(in) + Warnings(*in.product) + WorkpieceSection(in, solids) + PartsSection(*in.product) +
-         SeamsSection(*in.product) + UnknownSection(*in.product);
-  out += PicturesSection(figures) + ResidualSection(in) + StepsSection(in) + ParametersSection(in);
+         DeviationSection(*in.product) + SeamsSection(*in.product) + UnknownSection(*in.product);
+  const std::vector<std::string> names = OutputNames(in.image_files);
+  out += PicturesSection(figures) + ResidualSection(in) + ContoursSection(*in.product, names) +
+         ChecksSection(*in.product, names) + StepsSection(in) + ParametersSection(in);
   return out + fmt::format(
                    "<footer>Made by VSS {}. The same data for machines: "
                    "product.json.</footer></main><script>{}</script></body></html>\n",

@@ -23,7 +23,10 @@ constexpr double kMinScatterPx = 0.02;  // robust scale of a group never below
 constexpr double kScatterBelief = 10;   // so many observations' worth of belief in their own sigmas
 constexpr double kMinSystematicPx = 0.004, kMaxSystematicPx = 8;
 constexpr double kDefaultGroups = 5;  // so many groups' worth of belief in the systematic sigma at the start
-constexpr double kLoosening = 100;    // of the prior of a camera that was found to have moved
+constexpr double kContourGroups = 3;  // and so many in a contour's being like its class
+// Half of what pulls a contour in single pictures pulls it in all: lamps and cameras travel together.
+constexpr double kPulledAlike = 0.5;
+constexpr double kLoosening = 100;  // of the prior of a camera that was found to have moved
 constexpr double kQuantile = 0.75, kChiSquareAtQuantile = 1.3233;  // of one degree of freedom
 
 double Median(std::vector<double> v) {
@@ -111,6 +114,15 @@ MatrixXd ImgByIntrinsics(const Intrinsics& k, const Vector3d& p, const Vector2d&
   return j;
 }
 
+// How far, along the observation's normal, a bias of one pixel moves the contour there.
+double BiasShift(const AdjustedPart& part, int contour, const WorldSolid& solid, const Observation& o,
+                 const Eigen::RowVector3d& normal_by_world) {
+  const auto rim = part.rim_mm_per_px.find(contour);
+  if (rim == part.rim_mm_per_px.end()) return 1;
+  const auto& circle = solid.circles[static_cast<std::size_t>(o.sample.index)];
+  return rim->second * normal_by_world.dot((o.sample.point_in_world - circle.center.point).normalized());
+}
+
 double TukeyWeight(double z) {
   const double q = z / kTukey;
   return std::abs(q) >= 1 ? 0 : (1 - q * q) * (1 - q * q);
@@ -129,7 +141,8 @@ Adjustment::Adjustment(std::span<const View> views, std::vector<AdjustedPart> pa
     : parts(std::move(parts_in)),
       cameras(std::move(cameras_in)),
       stops(std::move(stops_in)),
-      systematic_px{o.free_systematic_px, o.contact_systematic_px, o.round_systematic_px},
+      systematic_px{o.free_systematic_px, o.contact_systematic_px, o.round_systematic_px,
+                    o.limb_systematic_px},
       options(o),
       views_(views.begin(), views.end()) {
   camera_of_view_.assign(views.size(), -1);
@@ -155,6 +168,7 @@ std::vector<View> Adjustment::AdjustedViews() const {
     View& view = out[v];
     const auto c = static_cast<std::size_t>(camera_of_view_[v]);
     view.camera = &changed_[c];
+    view.center_in_world *= 1 + scale;
     view.center_in_world += cameras[c].value.segment<3>(3);
     if (stop_of_view_[v] >= 0)
       view.center_in_world += stops[static_cast<std::size_t>(stop_of_view_[v])].value;
@@ -181,26 +195,42 @@ Adjustment::Layout Adjustment::MakeLayout() const {
     l.stop.push_back(l.size);
     l.size += 3;
   }
+  if (!options.known_lengths.empty()) l.scale = l.size++;
   return l;
 }
 
 void Adjustment::PrepareBiases() {
   std::map<std::pair<int, int>, std::vector<double>> lengths;
-  std::map<std::pair<int, int>, EdgeClass> classes;
+  std::map<std::pair<int, int>, ContourClass> classes;
+  std::map<std::pair<int, int>, std::vector<double>> mm_per_px, height_mm;
+  std::map<std::pair<int, int>, bool> is_rim;
   for (const auto& g : groups) {
-    for (const auto& o : g.observations) lengths[{g.part, g.contour}].push_back(o.half_length_px);
-    classes[{g.part, g.contour}] = g.edge_class;
+    const std::pair key(g.part, g.contour);
+    const auto& view = views_[static_cast<std::size_t>(g.view)];
+    for (const auto& o : g.observations) {
+      lengths[key].push_back(o.half_length_px);
+      is_rim[key] = o.sample.source == ContourSample::Source::kCircle;
+      height_mm[key].push_back(o.sample.point_in_world.z() -
+                               parts[static_cast<std::size_t>(g.part)].object.placement[2]);
+      mm_per_px[key].push_back((view.cam_from_world * o.sample.point_in_world).z() /
+                               view.camera->intrinsics.fx_px);
+    }
+    classes[key] = g.edge_class;
   }
-  for (auto& part : parts) part.bias_sigma_px.clear();
+  for (auto& part : parts) part.bias_prior_px.clear(), part.bias_sigma_px.clear(), part.rim_mm_per_px.clear();
   for (const auto& [key, half] : lengths) {
     const double length = Median(half);
     auto& part = parts[static_cast<std::size_t>(key.first)];
+    const double mm = Median(mm_per_px[key]), above_px = std::max(0.0, Median(height_mm[key]) / mm);
+    if (is_rim[key]) part.rim_mm_per_px[key.second] = mm;
+    const double shadow = options.bias_px[static_cast<std::size_t>(ContourClass::kContact)] *
+                          std::exp(-above_px / options.shadow_reach_px);
     part.bias_px.insert({key.second, 0.0});
-    part.bias_sigma_px[key.second] = std::hypot(options.bias_px[static_cast<std::size_t>(classes[key])],
-                                                options.short_edge_bias / (length * length));
+    const double own = std::max(options.bias_px[static_cast<std::size_t>(classes[key])], shadow);
+    part.bias_prior_px[key.second] = std::hypot(own, options.short_edge_bias / (length * length));
   }
   for (auto& part : parts)
-    std::erase_if(part.bias_px, [&](const auto& b) { return !part.bias_sigma_px.contains(b.first); });
+    std::erase_if(part.bias_px, [&](const auto& b) { return !part.bias_prior_px.contains(b.first); });
 }
 
 void Adjustment::UpdateResiduals() {
@@ -213,8 +243,13 @@ void Adjustment::UpdateResiduals() {
     const double bias = part.bias_px[group.contour];
     for (auto& o : group.observations) {
       o.sample.point_in_world = SamplePoint(solids[static_cast<std::size_t>(group.part)], o.sample);
-      const auto img = view.camera->intrinsics.Project(view.cam_from_world * o.sample.point_in_world);
-      o.residual_px = img ? o.normal.dot(*img - o.measured) + bias : 0;
+      Eigen::Matrix<double, 2, 3> by_cam;
+      const auto img =
+          view.camera->intrinsics.Project(view.cam_from_world * o.sample.point_in_world, &by_cam);
+      const double shift = img ? BiasShift(part, group.contour, solids[static_cast<std::size_t>(group.part)],
+                                           o, o.normal.transpose() * by_cam * view.cam_from_world.rotation)
+                               : 0;
+      o.residual_px = img ? o.normal.dot(*img - o.measured) + bias * shift : 0;
       if (!img) o.weight = 0;
     }
   }
@@ -247,41 +282,69 @@ void Adjustment::UpdateWeights() {
   }
 }
 
+namespace {
+
+// A group's squared mean, and its variance by noise.
+using SquaredMean = std::pair<double, double>;
+
 // The sigma at which three quarters of the groups' means, set against it and their own noise, are as small as
-// three quarters of normal numbers are; corrected for the unknowns that were fitted to them.
+// three quarters of normal numbers are; `share`: of the groups that no unknown was fitted to.
+double SystematicOf(const std::vector<SquaredMean>& means, double share) {
+  const auto quantile = [&](double s) {
+    std::vector<double> z;
+    for (const auto& [m, v] : means) z.push_back(m / (s * s + v));
+    const auto at =
+        z.begin() + static_cast<std::ptrdiff_t>(kQuantile * static_cast<double>(means.size() - 1));
+    std::nth_element(z.begin(), at, z.end());
+    return *at;
+  };
+  double low = kMinSystematicPx, high = kMaxSystematicPx;
+  for (int it = 0; it < 40; ++it) {
+    const double middle = std::sqrt(low * high);
+    (quantile(middle) > kChiSquareAtQuantile * share ? low : high) = middle;
+  }
+  return low;
+}
+
+double Believed(double estimate, double n, double before, double belief) {
+  return std::exp((n * std::log(estimate) + belief * std::log(before)) / (n + belief));
+}
+
+}  // namespace
+
 void Adjustment::UpdateSystematics() {
   double unknowns = 0;
   for (const auto& p : parts) unknowns += static_cast<double>(std::count(p.free.begin(), p.free.end(), true));
   const double defaults[] = {options.free_systematic_px, options.contact_systematic_px,
-                             options.round_systematic_px};
+                             options.round_systematic_px, options.limb_systematic_px};
   const double share = std::max(0.3, 1 - unknowns / std::max<double>(1, static_cast<double>(groups.size())));
-  for (int c = 0; c < kNumEdgeClasses; ++c) {
-    std::vector<std::pair<double, double>> means;  // squared mean, variance by noise
-    for (const auto& g : groups)
-      if (static_cast<int>(g.edge_class) == c)
-        means.emplace_back(g.mean_px * g.mean_px, g.sigma_mean_px * g.sigma_mean_px);
-    const auto i = static_cast<std::size_t>(c);
-    const double n = static_cast<double>(means.size());
-    if (means.empty()) continue;
-    auto quantile = [&](double s) {
-      std::vector<double> z;
-      for (const auto& [m, v] : means) z.push_back(m / (s * s + v));
-      const auto at = z.begin() + static_cast<std::ptrdiff_t>(kQuantile * (n - 1));
-      std::nth_element(z.begin(), at, z.end());
-      return *at;
-    };
-    double low = kMinSystematicPx, high = kMaxSystematicPx;
-    for (int it = 0; it < 40; ++it) {
-      const double middle = std::sqrt(low * high);
-      (quantile(middle) > kChiSquareAtQuantile * share ? low : high) = middle;
-    }
-    const double d = defaults[i];
-    systematic_px[i] = std::exp((n * std::log(low) + kDefaultGroups * std::log(d)) / (n + kDefaultGroups));
+  std::array<std::vector<SquaredMean>, kNumContourClasses> by_class;
+  std::map<std::pair<int, int>, std::vector<SquaredMean>> by_contour;
+  for (const auto& g : groups) {
+    const SquaredMean mean(g.mean_px * g.mean_px, g.sigma_mean_px * g.sigma_mean_px);
+    by_class[static_cast<std::size_t>(g.edge_class)].push_back(mean);
+    by_contour[{g.part, g.contour}].push_back(mean);
+  }
+  for (std::size_t c = 0; c < by_class.size(); ++c)
+    if (!by_class[c].empty())
+      systematic_px[c] = Believed(SystematicOf(by_class[c], share), static_cast<double>(by_class[c].size()),
+                                  defaults[c], kDefaultGroups);
+  // A contour whose pictures disagree more than those of its class do is known worse.
+  for (auto& g : groups) {
+    const double of_class = systematic_px[static_cast<std::size_t>(g.edge_class)];
+    const auto& means = by_contour[{g.part, g.contour}];
+    const double own =
+        Believed(SystematicOf(means, share), static_cast<double>(means.size()), of_class, kContourGroups);
+    g.systematic_px = std::max(of_class, own);
+    auto& part = parts[static_cast<std::size_t>(g.part)];
+    const double least = means.size() == 1 ? options.single_view_bias_px : 0;
+    part.bias_sigma_px[g.contour] =
+        std::hypot(std::max(part.bias_prior_px[g.contour], least), kPulledAlike * g.systematic_px);
   }
 }
 
-void Adjustment::AddGroup(const ObservationGroup& group, const WorldSolid& solid,
-                          const std::vector<View>& views) {
+Adjustment::Term Adjustment::TermOf(const ObservationGroup& group, const WorldSolid& solid,
+                                    const std::vector<View>& views) const {
   const auto p = static_cast<std::size_t>(group.part), v = static_cast<std::size_t>(group.view);
   const auto c = static_cast<std::size_t>(camera_of_view_[v]);
   const View& view = views[v];
@@ -294,6 +357,7 @@ void Adjustment::AddGroup(const ObservationGroup& group, const WorldSolid& solid
   at.push_back(layout_.bias[p].at(group.contour));
   if (has_stop)
     for (int i = 0; i < 3; ++i) at.push_back(layout_.stop[static_cast<std::size_t>(stop_of_view_[v])] + i);
+  if (layout_.scale >= 0) at.push_back(layout_.scale);
   const auto n = static_cast<Eigen::Index>(at.size());
   MatrixXd a = MatrixXd::Zero(n, n);
   VectorXd u = VectorXd::Zero(n), g = VectorXd::Zero(n), j(n);
@@ -313,8 +377,12 @@ void Adjustment::AddGroup(const ObservationGroup& group, const WorldSolid& solid
       j.segment(state + kPlaceSize, intrinsics) =
           (o.normal.transpose() * ImgByIntrinsics(k, q, *img, intrinsics)).transpose();
     Eigen::Index next = state + kPlaceSize + intrinsics;
-    j[next++] = 1;
-    if (has_stop) j.segment<3>(next) = -n_by_world.transpose();
+    j[next++] = BiasShift(parts[p], group.contour, solid, o, n_by_world);
+    if (has_stop) {
+      j.segment<3>(next) = -n_by_world.transpose();
+      next += 3;
+    }
+    if (layout_.scale >= 0) j[next] = -n_by_world.dot(views_[v].center_in_world);
     const double w = o.weight;
     a.selfadjointView<Eigen::Lower>().rankUpdate(j, w);
     u += w * j;
@@ -322,17 +390,11 @@ void Adjustment::AddGroup(const ObservationGroup& group, const WorldSolid& solid
     sum += w;
     mean += w * o.residual_px;
   }
-  const double s2 = std::pow(systematic_px[static_cast<std::size_t>(group.edge_class)], 2);
+  const double s2 = group.systematic_px * group.systematic_px;
   const double share = s2 / (1 + s2 * sum);
   a.selfadjointView<Eigen::Lower>().rankUpdate(u, -share);
   g += share * mean * u;
-  for (Eigen::Index x = 0; x < n; ++x) {
-    g_[at[static_cast<std::size_t>(x)]] += group.weight * g[x];
-    for (Eigen::Index y = 0; y <= x; ++y) {
-      const int r = at[static_cast<std::size_t>(x)], s = at[static_cast<std::size_t>(y)];
-      h_(std::max(r, s), std::min(r, s)) += group.weight * a(x, y);
-    }
-  }
+  return {std::move(at), group.weight * a, group.weight * g};
 }
 
 double Adjustment::PriorScale(const AdjustedCamera& camera) const {
@@ -354,10 +416,22 @@ void Adjustment::AddPriors(bool shared_free) {
       g_[at] -= w * part.bias_px.at(contour);
     }
   }
+  for (const auto& known : options.known_lengths) {
+    const auto p = static_cast<std::size_t>(known.part), i = static_cast<std::size_t>(known.dimension);
+    const int at = layout_.part[p] + kPlacementSize + known.dimension;
+    const double w = 1 / (known.sigma_mm * known.sigma_mm);
+    h_(at, at) += w;
+    g_[at] += w * (known.value_mm - parts[p].object.dimensions_mm[i]);
+  }
   if (!shared_free) return;
+  if (layout_.scale >= 0) {
+    const double w = 1 / (options.scale_sigma * options.scale_sigma);
+    h_(layout_.scale, layout_.scale) += w;
+    g_[layout_.scale] -= w * scale;
+  }
   for (std::size_t c = 0; c < cameras.size(); ++c) {
-    const double scale = PriorScale(cameras[c]);
-    const MatrixXd w = (scale * scale * cameras[c].prior_covariance)
+    const double prior_scale = PriorScale(cameras[c]);
+    const MatrixXd w = (prior_scale * prior_scale * cameras[c].prior_covariance)
                            .ldlt()
                            .solve(MatrixXd::Identity(cameras[c].value.size(), cameras[c].value.size()));
     const auto n = cameras[c].value.size();
@@ -396,19 +470,26 @@ void Adjustment::AddTies() {
   }
 }
 
+std::vector<bool> Adjustment::Pinned(bool shared_free) const {
+  std::vector<bool> pinned(static_cast<std::size_t>(layout_.size));
+  for (std::size_t p = 0; p < parts.size(); ++p)
+    for (std::size_t i = 0; i < parts[p].free.size(); ++i)
+      pinned[static_cast<std::size_t>(layout_.part[p]) + i] = !parts[p].free[i];
+  const int first_shared = cameras.empty() ? layout_.size : layout_.camera[0];
+  for (int i = first_shared; i < layout_.size && !shared_free; ++i)
+    pinned[static_cast<std::size_t>(i)] = true;
+  return pinned;
+}
+
 void Adjustment::Pin(bool shared_free) {
-  auto pin = [&](Eigen::Index i) {
+  const auto pinned = Pinned(shared_free);
+  for (Eigen::Index i = 0; i < layout_.size; ++i) {
+    if (!pinned[static_cast<std::size_t>(i)]) continue;
     h_.row(i).setZero();
     h_.col(i).setZero();
     h_(i, i) = 1;
     g_[i] = 0;
-  };
-  for (std::size_t p = 0; p < parts.size(); ++p)
-    for (std::size_t i = 0; i < parts[p].free.size(); ++i)
-      if (!parts[p].free[i]) pin(layout_.part[p] + static_cast<Eigen::Index>(i));
-  if (shared_free) return;
-  const Eigen::Index first = cameras.empty() ? layout_.size : layout_.camera[0];
-  for (Eigen::Index i = first; i < layout_.size; ++i) pin(i);
+  }
 }
 
 void Adjustment::Build(bool shared_free) {
@@ -418,8 +499,16 @@ void Adjustment::Build(bool shared_free) {
   const auto views = AdjustedViews();
   std::vector<WorldSolid> solids;
   for (const auto& p : parts) solids.push_back(PlaceSolid(p.object));
-  for (const auto& group : groups)
-    if (group.weight > 0) AddGroup(group, solids[static_cast<std::size_t>(group.part)], views);
+  for (const auto& group : groups) {
+    if (group.weight <= 0) continue;
+    const Term term = TermOf(group, solids[static_cast<std::size_t>(group.part)], views);
+    for (std::size_t x = 0; x < term.at.size(); ++x) {
+      g_[term.at[x]] += term.g[static_cast<Eigen::Index>(x)];
+      for (std::size_t y = 0; y <= x; ++y)
+        h_(std::max(term.at[x], term.at[y]), std::min(term.at[x], term.at[y])) +=
+            term.h(static_cast<Eigen::Index>(x), static_cast<Eigen::Index>(y));
+    }
+  }
   AddPriors(shared_free);
   AddTies();
   Pin(shared_free);
@@ -440,6 +529,7 @@ void Adjustment::Apply(const VectorXd& step) {
   for (std::size_t c = 0; c < cameras.size(); ++c)
     cameras[c].value += step.segment(layout_.camera[c], cameras[c].value.size());
   for (std::size_t s = 0; s < stops.size(); ++s) stops[s].value += step.segment<3>(layout_.stop[s]);
+  if (layout_.scale >= 0) scale += step[layout_.scale];
 }
 
 double Adjustment::Solve(int max_steps, bool shared_free) {
@@ -536,6 +626,65 @@ MatrixXd Adjustment::CameraCovariance(int camera) const {
 Matrix3d Adjustment::StopCovariance(int stop) const {
   const int at = layout_.stop[static_cast<std::size_t>(stop)];
   return covariance_.block<3, 3>(at, at);
+}
+
+double Adjustment::ScaleSigma() const {
+  return layout_.scale < 0 ? 0 : std::sqrt(std::max(0.0, covariance_(layout_.scale, layout_.scale)));
+}
+
+// With U the view's part of the normal matrix H, u of the right side (which is zero at the solution), and C =
+// H^-1: (H - U)^-1 = C + C U (I - C U)^-1 C, and the step without the view is -(H - U)^-1 u (Sherman,
+// Morrison, Woodbury). U is small: only the unknowns that the view knows of.
+std::vector<Adjustment::Change> Adjustment::ChangesWithout(int view) const {
+  const auto views = AdjustedViews();
+  const auto pinned = Pinned(options.adjust_cameras);
+  std::map<int, int> index;  // unknown -> row of U
+  std::vector<Term> terms;
+  for (const auto& group : groups) {
+    if (group.view != view || group.weight <= 0) continue;
+    const auto& object = parts[static_cast<std::size_t>(group.part)].object;
+    terms.push_back(TermOf(group, PlaceSolid(object), views));
+    for (int at : terms.back().at)
+      if (!pinned[static_cast<std::size_t>(at)]) index.insert({at, 0});
+  }
+  std::vector<int> unknowns;
+  for (auto& [at, row] : index) {
+    row = static_cast<int>(unknowns.size());
+    unknowns.push_back(at);
+  }
+  const auto n = static_cast<Eigen::Index>(unknowns.size());
+  MatrixXd u = MatrixXd::Zero(n, n);
+  VectorXd right = VectorXd::Zero(n);
+  for (const auto& term : terms)
+    for (std::size_t x = 0; x < term.at.size(); ++x) {
+      const auto row = index.find(term.at[x]);
+      if (row == index.end()) continue;
+      right[row->second] += term.g[static_cast<Eigen::Index>(x)];
+      for (std::size_t y = 0; y < term.at.size(); ++y) {
+        const auto column = index.find(term.at[y]);
+        if (column == index.end()) continue;
+        u(row->second, column->second) +=
+            term.h(static_cast<Eigen::Index>(std::max(x, y)), static_cast<Eigen::Index>(std::min(x, y)));
+      }
+    }
+  const MatrixXd own = covariance_(unknowns, unknowns);
+  const MatrixXd more =
+      u * (MatrixXd::Identity(n, n) - own * u).partialPivLu().solve(MatrixXd::Identity(n, n));
+  std::vector<Change> out;
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    const auto size = parts[p].object.StateSize();
+    std::vector<int> rows;
+    for (int i = 0; i < size; ++i) rows.push_back(layout_.part[p] + i);
+    const MatrixXd c = covariance_(rows, unknowns);
+    const MatrixXd grown = c * more;
+    Change change{-(c * right + grown * (own * right)), VectorXd(size)};
+    for (int i = 0; i < size; ++i) change.sigma[i] = std::sqrt(std::max(0.0, grown.row(i).dot(c.row(i))));
+    for (int i = 0; i < size; ++i)
+      if (pinned[static_cast<std::size_t>(rows[static_cast<std::size_t>(i)])])
+        change.step[i] = change.sigma[i] = 0;
+    out.push_back(std::move(change));
+  }
+  return out;
 }
 
 MatrixXd Adjustment::DataInformation(int part) const {

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "vss/reconstruct/contour_pieces.h"
+#include "vss/reconstruct/known_length.h"
 
 namespace vss {
 
@@ -34,8 +35,9 @@ struct Observation {
 struct ObservationGroup {
   int part = 0, view = 0;
   int contour = 0;  // ContourKey
-  EdgeClass edge_class = EdgeClass::kFree;
+  ContourClass edge_class = ContourClass::kFree;
   std::vector<Observation> observations;
+  double systematic_px = 0;  // common error of its observations, one sigma
   double weight = 1;         // robust
   double mean_px = 0;        // weighted mean residual
   double sigma_mean_px = 0;  // of the mean, from the observations' own noise
@@ -54,7 +56,10 @@ struct AdjustedPart {
   // What pulls a contour the same way in all pictures (chamfer, contact shadow), along the observations'
   // normal; it cannot be told from the part's shape, so that its prior sigma bounds how well the shape is
   // known.
-  std::map<int, double> bias_px, bias_sigma_px;
+  std::map<int, double> bias_px, bias_prior_px, bias_sigma_px;
+  // Of rims: there a pull is one of the radius, so that the oblique view of a circle does not seem to tell
+  // the two apart. mm of radius for a px of bias.
+  std::map<int, double> rim_mm_per_px;
 };
 inline constexpr int kLoose = -2;
 
@@ -82,11 +87,17 @@ struct AdjustmentOptions {
   double ground_sigma_mm = 0.1;
   double contact_sigma_mm = 0.1;
   // What may pull a contour in all pictures alike, by class; and an edge of short pieces, px * px^2.
-  std::array<double, kNumEdgeClasses> bias_px{0.02, 0.2, 0.05};
+  std::array<double, kNumContourClasses> bias_px{0.02, 0.2, 0.05, 0.5};
   double short_edge_bias = 0.15;
+  // A part's foot is surrounded by shadow; of its pull an edge at this height above has 1/e.
+  double shadow_reach_px = 3;
+  double single_view_bias_px = 0.2;  // a contour that one picture alone measured: nothing checks it
   double stop_sigma_mm = 0.15;
-  double free_systematic_px = 0.03, contact_systematic_px = 0.15,
-         round_systematic_px = 0.05;  // to start with
+  double free_systematic_px = 0.03, contact_systematic_px = 0.15, round_systematic_px = 0.05,
+         limb_systematic_px = 0.15;  // to start with
+  // Where lengths are known, the places of all cameras, about the world's origin, share an unknown scale.
+  std::vector<KnownLength> known_lengths;
+  double scale_sigma = 0.01;  // what is known of it beforehand
 };
 
 class Adjustment {
@@ -99,8 +110,9 @@ class Adjustment {
   std::vector<AdjustedCamera> cameras;
   std::vector<AdjustedStop> stops;
   std::vector<ObservationGroup> groups;
-  std::array<double, kNumEdgeClasses> systematic_px;
+  std::array<double, kNumContourClasses> systematic_px;
   double camera_scale = 1, stop_scale = 1;  // of the priors' sigmas, estimated
+  double scale = 0;                         // of the cameras' places, less one
   AdjustmentOptions options;
 
   // Gives every contour that was measured its bias and prior. To be called when `groups` are new.
@@ -124,6 +136,13 @@ class Adjustment {
   Eigen::MatrixXd PartCovariance(int part) const;
   Eigen::MatrixXd CameraCovariance(int camera) const;
   Eigen::Matrix3d StopCovariance(int stop) const;
+  double ScaleSigma() const;  // 0 where the scale is not an unknown
+  // How the parts' states would change without the observations of `view`, linearised at the solution, and
+  // the standard deviation that such a change has. To be called after ComputeCovariance.
+  struct Change {
+    Eigen::VectorXd step, sigma;
+  };
+  std::vector<Change> ChangesWithout(int view) const;
   // Information on part i's state from the pictures alone (all other unknowns eliminated), without its weak
   // prior.
   Eigen::MatrixXd DataInformation(int part) const;
@@ -132,16 +151,24 @@ class Adjustment {
   struct Layout {
     std::vector<int> part, camera, stop;   // offsets
     std::vector<std::map<int, int>> bias;  // per part: contour -> offset
+    int scale = -1;
     int size = 0;
+  };
+  // What a group adds to the normal equations, of the unknowns `at`.
+  struct Term {
+    std::vector<int> at;
+    Eigen::MatrixXd h;  // lower triangle
+    Eigen::VectorXd g;
   };
   Layout MakeLayout() const;
   void UpdateResiduals();
   void UpdateWeights();
   void UpdateSystematics();
   void Build(bool shared_free);
-  void AddGroup(const ObservationGroup& group, const WorldSolid& solid, const std::vector<View>& views);
+  Term TermOf(const ObservationGroup& group, const WorldSolid& solid, const std::vector<View>& views) const;
   void AddPriors(bool shared_free);
   void AddTies();
+  std::vector<bool> Pinned(bool shared_free) const;
   void Pin(bool shared_free);
   void Apply(const Eigen::VectorXd& step);
   double PriorScale(const AdjustedCamera& camera) const;

@@ -2,107 +2,12 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
-#include <random>
-
-#include "vss/knowledge/object_model.h"
+#include "vss/reconstruct/adjustment_scene.h"
 
 namespace vss {
 namespace {
 
-using Eigen::MatrixXd;
-using Eigen::Vector3d;
-using Eigen::VectorXd;
-
-// Two cameras on a carriage, four stops, a box and a tee that stands on it.
-struct Scene {
-  KnowledgeBase knowledge = *LoadKnowledge(std::vector<std::string>{"box", "tee"}, ".");
-  std::vector<Camera> cameras;
-  std::vector<View> views;
-  std::vector<AdjustedPart> parts;
-
-  Scene() {
-    for (double side : {-1.0, 1.0}) {
-      Camera c;
-      c.id = side < 0 ? "left" : "right";
-      c.width_px = c.height_px = 512;
-      c.intrinsics.fx_px = c.intrinsics.fy_px = 520;
-      c.intrinsics.cx_px = c.intrinsics.cy_px = 255.5;
-      // Looks down, tilted inwards.
-      const Eigen::Matrix3d down = Eigen::Vector3d(1, -1, -1).asDiagonal();
-      c.cam_from_world = RigidTransform{RotationFromVector({0, 0.35 * side, 0}) * down, Vector3d::Zero()};
-      c.cam_from_world->translation = -c.cam_from_world->rotation * Vector3d(side * 1000, 0, 3000);
-      cameras.push_back(c);
-    }
-    for (int stop = 0; stop < 4; ++stop)
-      for (const auto& c : cameras)
-        views.push_back(MakeView(static_cast<int>(views.size()), c,
-                                 Gantry{}.CamFromWorld(c, {100.0 * stop, 400.0 * stop - 600, 0}), stop,
-                                 nullptr));
-    Add("box", {30, -80, 0, 0.3, 0, 0}, {900, 500, 60}, -1);
-    Add("tee", {60, -60, 60, 0.7, 0, 0}, {600, 160, 220, 25, 30}, 0);
-  }
-
-  void Add(const std::string& kind, const Eigen::Matrix<double, 6, 1>& placement, std::vector<double> dims,
-           int on) {
-    AdjustedPart p;
-    p.object = {knowledge.Find(kind), 0, placement, std::move(dims)};
-    p.stands_on = on;
-    const int n = p.object.StateSize();
-    p.free.assign(static_cast<std::size_t>(n), true);
-    p.free[4] = p.free[5] = false;
-    p.prior_value = p.object.State();
-    p.prior_sigma = VectorXd::Constant(n, 1000);
-    parts.push_back(p);
-  }
-
-  Adjustment Make() const {
-    AdjustmentOptions options;
-    options.ground_sigma_mm = options.contact_sigma_mm = 0.01;
-    options.bias_px.fill(1e-3);  // the simulation has none
-    options.short_edge_bias = 0;
-    PriorOptions priors{5e-5, 0.1, 0, 0};
-    return Adjustment(views, parts, MakeCameras(views, priors), MakeStops(views), options);
-  }
-};
-
-// Exact observations of the contour of `truth`, with normal noise.
-void Observe(const Adjustment& truth, double sigma, std::mt19937& random,
-             std::vector<ObservationGroup>& groups) {
-  std::normal_distribution<double> noise(0, sigma);
-  std::vector<WorldSolid> solids;
-  for (const auto& p : truth.parts) solids.push_back(PlaceSolid(p.object, false));
-  std::vector<Occluders> others(solids.size());
-  others[0].Add(solids[1], 1);
-  others[1].Add(solids[0], 0);
-  const auto views = truth.AdjustedViews();
-  for (std::size_t v = 0; v < views.size(); ++v) {
-    std::map<std::pair<int, int>, std::size_t> index;
-    for (const auto& piece : CutContour(solids, others, views[v], {})) {
-      const std::pair key(piece.part, ContourKey(piece.sample));
-      const auto [at, fresh] = index.insert({key, groups.size()});
-      if (fresh) {
-        ObservationGroup g;
-        g.part = piece.part, g.view = static_cast<int>(v), g.contour = key.second;
-        groups.push_back(g);
-      }
-      Observation o;
-      o.sample = piece.sample;
-      o.normal = piece.curve.normal;
-      o.measured = piece.curve.point + noise(random) * piece.curve.normal;
-      o.sigma_px = sigma;
-      o.contrast = 50;
-      groups[at->second].observations.push_back(o);
-    }
-  }
-}
-
-VectorXd Draw(const MatrixXd& covariance, std::mt19937& random) {
-  std::normal_distribution<double> normal;
-  VectorXd z(covariance.rows());
-  for (auto& x : z) x = normal(random);
-  return covariance.llt().matrixL() * z;
-}
+using namespace test;
 
 TEST(Adjustment, FindsTheTruthFromMillimetresOff) {
   const Scene scene;
@@ -165,6 +70,53 @@ TEST(Adjustment, AStopThatIsOffIsFound) {
   a.Solve(8, true);
   EXPECT_LT((a.stops[2].value - truth.stops[2].value).norm(), 0.25);
   EXPECT_GT(a.stops[2].value.x() - a.stops[1].value.x(), 0.2);
+}
+
+// Against the adjustment without the picture's observations, with the weights as they were.
+TEST(Adjustment, TellsWhatAPictureChangesWithoutSolvingAnew) {
+  const Scene scene;
+  Adjustment a = scene.Make();
+  std::mt19937 random(5);
+  Observe(a, 0.03, random, a.groups);
+  constexpr int kView = 3;
+  for (auto& g : a.groups)
+    if (g.view == kView)
+      for (auto& o : g.observations) o.measured.x() += 0.1;
+  a.Solve(20, true);
+  a.ComputeCovariance();
+  const auto changes = a.ChangesWithout(kView);
+  Adjustment without = a;
+  std::erase_if(without.groups, [&](const auto& g) { return g.view == kView; });
+  without.ComputeCovariance();
+  for (int p = 0; p < 2; ++p) {
+    const auto& c = changes[static_cast<std::size_t>(p)];
+    const VectorXd step = without.GainOfFreeing(p, {}, 1).step;
+    const VectorXd more = without.PartCovariance(p).diagonal() - a.PartCovariance(p).diagonal();
+    for (Eigen::Index i = 0; i < step.size(); ++i) {
+      if (i == 4 || i == 5) continue;
+      const double sigma = std::sqrt(a.PartCovariance(p)(i, i));
+      EXPECT_NEAR(c.step[i], step[i], 0.02 * sigma) << p << " " << i;
+      EXPECT_NEAR(c.sigma[i] * c.sigma[i], more[i], 1e-6 * sigma * sigma) << p << " " << i;
+    }
+  }
+  EXPECT_GT(changes[0].step.cwiseAbs().maxCoeff(), 0);
+}
+
+TEST(Adjustment, AKnownLengthGivesTheWholeItsScale) {
+  const Scene scene;
+  constexpr double kScale = 2e-3;
+  // Cameras that stand where the file says, less the scale: all that is seen is larger.
+  Adjustment truth = scene.Make();
+  std::mt19937 random(9);
+  Adjustment a = scene.Make();
+  Observe(truth, 0.02, random, a.groups);
+  a.options.known_lengths = {{0, 0, 900 * (1 + kScale), 0.05}};
+  a.Solve(12, true);
+  a.ComputeCovariance();
+  EXPECT_GT(a.ScaleSigma(), 0);
+  EXPECT_NEAR(a.scale, kScale, 4 * a.ScaleSigma());
+  EXPECT_LT(a.ScaleSigma(), 0.2 * kScale);
+  EXPECT_NEAR(a.parts[1].object.dimensions_mm[0], 600 * (1 + kScale), 0.2);
 }
 
 }  // namespace

@@ -11,7 +11,7 @@
 namespace vss {
 
 struct CoarseFitOptions {
-  double start_width_px = 3.5;  // lines up to three times that far are looked at
+  double start_width_px = 2;  // lines up to three times that far are looked at
   double end_width_px = 0.7;
   double position_sigma_mm = 15;  // how far the start may be off
   double yaw_sigma_rad = 0.02;

@@ -197,12 +197,13 @@ class Cutter {
     return a && b ? (*b - *a).norm() : options_.length_px;
   }
 
-  EdgeClass ClassOf(int part, const ContourSample& s) const {
+  ContourClass ClassOf(int part, const ContourSample& s) const {
+    if (s.source == ContourSample::Source::kLimb) return ContourClass::kLimb;
     const bool edge = s.source == ContourSample::Source::kEdge;
     if (edge && !solids_[static_cast<std::size_t>(part)].edges[static_cast<std::size_t>(s.index)].convex)
-      return EdgeClass::kContact;
-    if (contact_.Touches(part, s.point_in_world)) return EdgeClass::kContact;
-    return edge ? EdgeClass::kFree : EdgeClass::kRound;
+      return ContourClass::kContact;
+    if (contact_.Touches(part, s.point_in_world)) return ContourClass::kContact;
+    return edge ? ContourClass::kFree : ContourClass::kRound;
   }
 
   // The samples of one edge, rim or limb, in order; those out of the picture are missing from it.
@@ -285,14 +286,15 @@ class Cutter {
     for (const auto& [id, parallel] : parallels) {
       const double gap = std::abs(parallel.across);
       // Where two parts meet, their edges are one line of the picture.
-      const bool meet =
-          gap < kSamePx && p.edge_class == EdgeClass::kContact && all_[parallel.index].piece.part != p.part;
+      const bool meet = gap < kSamePx && p.edge_class == ContourClass::kContact &&
+                        all_[parallel.index].piece.part != p.part;
       if (meet) continue;
       if (gap < options_.min_gap_px) return false;
       const double reach = parallel.across > 0 ? p.reach_plus_px : p.reach_minus_px;
       if (gap > reach + kCrossMarginPx) continue;
+      const Candidate& other = all_[parallel.index];
       if (static_cast<int>(p.neighbours.size()) < kMaxNeighbours) {
-        ProfileCurve curve = all_[parallel.index].piece.curve;
+        ProfileCurve curve = other.piece.curve;
         if (curve.normal.dot(n) < 0) curve.normal = -curve.normal, curve.curvature = -curve.curvature;
         p.neighbours.push_back(curve);
       } else {

@@ -12,18 +12,19 @@
 namespace vss {
 
 // How much the place of an edge in the picture can be trusted to be the solid's edge.
-enum class EdgeClass {
+enum class ContourClass {
   kFree,     // nothing near behind it: top edges, outlines
   kContact,  // lies on the ground or on another part, or in a corner of its own: shadow and weld pull it
-  kRound,    // rim or limb of a cylinder
+  kRound,    // rim of a cylinder
+  kLimb,     // its outline: there the light falls as the square root of the distance, within a few pixels
 };
-inline constexpr int kNumEdgeClasses = 3;
+inline constexpr int kNumContourClasses = 4;
 
 struct ContourPiece {
   int part = 0;
   ContourSample sample;
   ProfileCurve curve;  // in img, normal = tangent turned by +90 degrees (u towards v)
-  EdgeClass edge_class = EdgeClass::kFree;
+  ContourClass edge_class = ContourClass::kFree;
   double half_length_px = 0;
   double reach_minus_px = 0, reach_plus_px = 0;  // free of crossing contours
   std::vector<ProfileCurve> neighbours;          // parallel contours within reach

@@ -9,6 +9,8 @@
 #include "vss/identify/weigh.h"
 #include "vss/reconstruct/adjustment.h"
 #include "vss/reconstruct/coarse_fit.h"
+#include "vss/reconstruct/findings.h"
+#include "vss/reconstruct/measure_view.h"
 #include "vss/reconstruct/observability.h"
 
 namespace vss {
@@ -30,20 +32,6 @@ constexpr double kMinTiltRad = 0.003;    // a part that leans less stands straig
 constexpr double kTiltChiSquare = 18.4;  // two degrees of freedom, 1 in 10000
 constexpr double kMovedChiSquare = 3.7;  // per degree of freedom of six: 1 in 1000
 constexpr double kReconsiderPx = 1.2;    // an edge is looked for that far from where a dimension has it
-constexpr double kMinPolarityShare = 0.5;
-constexpr int kMinGroupPoints = 1;
-constexpr double kFarPx = 0.5;  // an edge that fits worse in most pictures does not belong to the part
-
-// What is measured and known of each picture while rounds go by.
-struct PictureState {
-  double blur_px = 0.7, blur_sigma_px = 0.3, noise = 0;
-};
-
-struct Measured {
-  std::vector<ObservationGroup> groups;
-  std::vector<double> blurs, noises;
-  std::vector<double> support;  // of each part: see SupportOf
-};
 
 double Median(std::vector<double> v, double otherwise) {
   if (v.empty()) return otherwise;
@@ -64,90 +52,6 @@ std::vector<Occluders> OthersOf(std::span<const WorldSolid> solids) {
   for (std::size_t i = 0; i < solids.size(); ++i)
     for (std::size_t k = 0; k < solids.size(); ++k)
       if (k != i) out[i].Add(solids[k], static_cast<int>(k));
-  return out;
-}
-
-// An edge keeps its bright side in one picture: of its points those go that say otherwise than most.
-void KeepOnePolarity(ObservationGroup& group) {
-  double sum = 0, total = 0;
-  for (const auto& o : group.observations) {
-    sum += o.contrast / o.sigma_px;
-    total += std::abs(o.contrast) / o.sigma_px;
-  }
-  if (std::abs(sum) < kMinPolarityShare * total) {
-    group.observations.clear();
-    return;
-  }
-  std::erase_if(group.observations, [&](const Observation& o) { return (o.contrast > 0) != (sum > 0); });
-}
-
-// How much a piece of contour speaks for its part's being there: its length in px, half of it for an edge
-// exactly where it should be, half against it for none within reach.
-double SupportOf(const ContourPiece& piece, const std::optional<ProfileFit>& fit, double search_px) {
-  const double off = fit ? fit->offset_px / search_px : 1;
-  return (0.5 - std::min(1.0, off * off)) * 2 * piece.half_length_px;
-}
-
-Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occluders> others, const View& view,
-                     int view_index, const GreyView& picture, const PictureState& state, double search_px,
-                     const ReconstructOptions& options, int only_part = -1) {
-  constexpr double kReachBlurs = 3.2;  // a step has ended that many blurs from its middle
-  constexpr double kMinReachPx = 2.5;
-  // What surrounds a piece (crossing contours' blur, shading) pulls it the more the shorter it is, px * px:
-  // the scatter of rendered surveys' edges that consist of one short piece.
-  constexpr double kShortPieceError = 0.3;
-  constexpr double kClearBlur = 0.12;  // relative: strips whose contrast allows to learn the blur from
-  PieceOptions cut;
-  cut.only_part = only_part;
-  cut.length_px = options.piece_length_px * std::max(1.0, state.blur_px);
-  cut.reach_px = std::max(kMinReachPx, search_px + kReachBlurs * state.blur_px);
-  cut.min_gap_px = 1.9 * state.blur_px;
-  cut.vertex_margin_px = 2 * state.blur_px + 0.7;
-  Measured out;
-  out.support.assign(solids.size(), 0);
-  std::map<std::pair<int, int>, std::size_t> index;
-  std::vector<int> contacts;  // of each group: pieces that lie on something, less the others
-  for (const auto& piece : CutContour(solids, others, view, cut)) {
-    ProfileRequest request;
-    request.curve = piece.curve;
-    request.half_length_px = piece.half_length_px;
-    request.reach_minus_px = piece.reach_minus_px;
-    request.reach_plus_px = piece.reach_plus_px;
-    request.search_px = std::min(search_px, std::min(piece.reach_minus_px, piece.reach_plus_px));
-    request.blur_px = state.blur_px;
-    request.blur_sigma_px = state.blur_sigma_px;
-    request.neighbours = piece.neighbours;
-    const auto fit = FitProfile(picture, request, state.noise);
-    out.support[static_cast<std::size_t>(piece.part)] += SupportOf(piece, fit, request.search_px);
-    if (!fit) continue;
-    const auto key = std::pair(piece.part, ContourKey(piece.sample));
-    const auto [at, fresh] = index.insert({key, out.groups.size()});
-    if (fresh) {
-      ObservationGroup group;
-      group.part = piece.part;
-      group.view = view_index;
-      group.contour = key.second;
-      out.groups.push_back(std::move(group));
-      contacts.push_back(0);
-    }
-    auto& group = out.groups[at->second];
-    contacts[at->second] += piece.edge_class == EdgeClass::kContact ? 1 : -1;
-    Observation o;
-    o.sample = piece.sample;
-    o.normal = piece.curve.normal;
-    o.measured = piece.curve.point + fit->offset_px * piece.curve.normal;
-    o.half_length_px = piece.half_length_px;
-    o.sigma_px = std::hypot(fit->sigma_px, kShortPieceError / (piece.half_length_px * piece.half_length_px));
-    o.contrast = fit->contrast;
-    group.observations.push_back(o);
-    if (piece.neighbours.empty() && fit->sigma_px < kClearBlur * state.blur_px)
-      out.blurs.push_back(fit->blur_px);
-    out.noises.push_back(fit->rms);
-  }
-  for (std::size_t i = 0; i < out.groups.size(); ++i)
-    if (contacts[i] > 0) out.groups[i].edge_class = EdgeClass::kContact;
-  for (auto& group : out.groups) KeepOnePolarity(group);
-  std::erase_if(out.groups, [](const auto& g) { return g.observations.size() < kMinGroupPoints; });
   return out;
 }
 
@@ -184,6 +88,9 @@ class Reconstructor {
     adjust.ground_sigma_mm = options_.ground_sigma_mm;
     adjust.contact_sigma_mm = options_.contact_sigma_mm;
     adjust.stop_sigma_mm = options_.stop_sigma_mm;
+    adjust.known_lengths = options_.known_lengths;
+    adjust.bias_px = {options_.free_bias_px, options_.contact_bias_px, options_.round_bias_px,
+                      options_.limb_bias_px};
     Adjustment a(views_, std::move(parts), MakeCameras(views_, priors), MakeStops(views_), adjust);
     constexpr int kRounds = 4, kSteps = 4;
     const auto search_of = [&](int round) {
@@ -204,7 +111,10 @@ class Reconstructor {
         };
         if (progress_.Cancelled()) return Cancelled();
         if (HoldCaptured(a)) anew();
-        if (FreeReconsidered(a)) anew();
+        if (FreeReconsidered(a)) {
+          anew();
+          if (HoldCaptured(a)) anew();
+        }
         a.ComputeCovariance();
         FixUnobservable(a);
       }
@@ -229,13 +139,15 @@ class Reconstructor {
     }
     const auto solids = PlaceAll(parts);
     const auto others = OthersOf(solids);
-    std::vector<LineDistances> distances(parts.size());
-    ParallelFor(parts.size(), threads_, [&](std::size_t i) {
-      distances[i] = DistancesToLines(parts[i].object, views_, &others[i], {});
-    });
-    ParallelFor(parts.size(), threads_,
-                [&](std::size_t i) { DrawToLines(parts[i], others[i], LeastOfOthers(distances, i)); });
-    Reconsider(parts, DrawnFar(parts));
+    if (options_.draw_to_lines) {
+      std::vector<LineDistances> distances(parts.size());
+      ParallelFor(parts.size(), threads_, [&](std::size_t i) {
+        distances[i] = DistancesToLines(parts[i].object, views_, &others[i], {});
+      });
+      ParallelFor(parts.size(), threads_,
+                  [&](std::size_t i) { DrawToLines(parts[i], others[i], LeastOfOthers(distances, i)); });
+      Reconsider(parts, DrawnFar(parts));
+    }
     for (auto& p : parts) {
       SetPriors(p);
       drawn_.push_back(p.object);
@@ -243,19 +155,31 @@ class Reconstructor {
     return parts;
   }
 
-  // What the grey values say for each part as it stands, over the views in which it is measured best.
-  double Support(const std::vector<AdjustedPart>& parts, std::size_t p,
-                 std::span<const std::size_t> views) const {
+  // What the grey values say for each part as it stands, in each of the views.
+  std::vector<double> Support(const std::vector<AdjustedPart>& parts, std::size_t p,
+                              std::span<const std::size_t> views) const {
     const auto solids = PlaceAll(parts);
     const auto others = OthersOf(solids);
     std::vector<double> support(views.size());
     ParallelFor(views.size(), threads_, [&](std::size_t i) {
       const std::size_t v = views[i];
       support[i] = MeasureView(solids, others, views_[v], static_cast<int>(v), pictures_[v], states_[v],
-                               kReconsiderPx, options_, static_cast<int>(p))
+                               {kReconsiderPx, options_.piece_length_px, static_cast<int>(p)})
                        .support[p];
     });
-    return std::accumulate(support.begin(), support.end(), 0.0);
+    return support;
+  }
+
+  // By how much `support` is more than `before`; nothing where a single view says so: a shadow may run there.
+  static double ClearGain(const std::vector<double>& support, const std::vector<double>& before) {
+    constexpr double kPiecePx = 8;
+    double gain = 0;
+    int views = 0;
+    for (std::size_t i = 0; i < support.size(); ++i) {
+      gain += support[i] - before[i];
+      views += support[i] > before[i] + kPiecePx;
+    }
+    return views >= 2 ? gain : 0;
   }
 
   // Views that see most of a part.
@@ -303,11 +227,12 @@ class Reconstructor {
         if (!which[p][i]) continue;
         double& value = parts[p].object.dimensions_mm[i];
         const double before = value;
-        double best = before, most = Support(parts, p, views) + kClearPx;
+        const auto support_before = Support(parts, p, views);
+        double best = before, most = kClearPx;
         for (const double candidate : Candidates(p, i)) {
           value = candidate;
-          const double support = Support(parts, p, views);
-          if (support > most) most = support, best = candidate;
+          const double gain = ClearGain(Support(parts, p, views), support_before);
+          if (gain > most) most = gain, best = candidate;
         }
         value = best;
         changed[p][i] = best != before;
@@ -372,7 +297,7 @@ class Reconstructor {
     std::vector<Measured> found(views.size());
     ParallelFor(views.size(), threads_, [&](std::size_t v) {
       found[v] = MeasureView(solids, others, views[v], static_cast<int>(v), pictures_[v], states_[v],
-                             search_px, options_);
+                             {search_px, options_.piece_length_px});
     });
     a.groups.clear();
     for (std::size_t v = 0; v < views.size(); ++v) {
@@ -394,13 +319,14 @@ class Reconstructor {
   // A contour is what most of its measured pieces are.
   static void SettleClasses(Adjustment& a) {
     std::map<std::pair<int, int>, double> votes;
-    auto vote = [](EdgeClass c) { return c == EdgeClass::kContact ? 1.0 : -1.0; };
+    auto vote = [](ContourClass c) { return c == ContourClass::kContact ? 1.0 : -1.0; };
     for (const auto& g : a.groups)
       votes[{g.part, g.contour}] += vote(g.edge_class) * static_cast<double>(g.observations.size());
     for (auto& g : a.groups) {
+      if (g.edge_class == ContourClass::kLimb) continue;
       const bool contact = votes[{g.part, g.contour}] > 0;
       const bool straight = g.observations[0].sample.source == ContourSample::Source::kEdge;
-      g.edge_class = contact ? EdgeClass::kContact : straight ? EdgeClass::kFree : EdgeClass::kRound;
+      g.edge_class = contact ? ContourClass::kContact : straight ? ContourClass::kFree : ContourClass::kRound;
     }
   }
 
@@ -486,7 +412,7 @@ class Reconstructor {
   // grey values, was captured by another edge: its own is not seen. It is held at what is usual, and its part
   // starts anew. True where one was.
   bool HoldCaptured(Adjustment& a) {
-    captured_.clear();
+    captured_.resize(a.parts.size());
     bool any = false;
     constexpr double kRoughMm = 5;  // identification reads cut edges no closer, however fine the pixels
     const double reach_mm = std::max(kRoughMm, options_.search_px * TypicalMmPerPx(views_));
@@ -494,16 +420,17 @@ class Reconstructor {
       auto& part = a.parts[p];
       const PlacedObject& start = drawn_[p];
       const auto defs = start.model->dimensions();
-      std::vector<bool> captured(defs.size());
+      std::vector<bool> captured(defs.size()), held = captured_[p];
+      held.resize(defs.size());
       std::vector<std::optional<double>> known(defs.size());
       for (std::size_t i = 0; i < defs.size(); ++i) {
         const double value = part.object.dimensions_mm[i];
-        captured[i] = value < defs[i].min_mm || value > defs[i].max_mm ||
+        captured[i] = held[i] || value < defs[i].min_mm || value > defs[i].max_mm ||
                       std::abs(value - start.dimensions_mm[i]) > reach_mm;
         if (!captured[i]) known[i] = value;
       }
-      captured_.push_back(captured);
-      if (std::none_of(captured.begin(), captured.end(), [](bool c) { return c; })) continue;
+      captured_[p] = captured;
+      if (captured == held) continue;
       any = true;
       const auto usual = start.model->UsualDimensions(known);
       part.object = start;
@@ -535,7 +462,7 @@ class Reconstructor {
         auto& part = a.parts[p];
         const auto at = kPlacementSize + static_cast<Eigen::Index>(i);
         part.free[static_cast<std::size_t>(at)] = true;
-        part.prior_value[at] = part.object.dimensions_mm[i];
+        part.prior_value[at] = drawn_[p].dimensions_mm[i] = part.object.dimensions_mm[i];
         captured_[p][i] = false;
       }
     return any;
@@ -558,12 +485,14 @@ class Reconstructor {
   // What the pictures do not determine goes back to what is known without them.
   void FixUnobservable(Adjustment& a) {
     observable_.clear();
+    singular_values_.clear();
     bool changed = false;
     for (std::size_t p = 0; p < a.parts.size(); ++p) {
       auto& part = a.parts[p];
       const auto seen =
           AnalyseObservability(a.DataInformation(static_cast<int>(p)), KnownBefore(part), kObservableGain);
       observable_.push_back(seen.observable);
+      singular_values_.push_back(seen.singular_values);
       std::vector<std::optional<double>> known;
       bool all = true;
       for (std::size_t i = 0; i < part.object.dimensions_mm.size(); ++i) {
@@ -592,15 +521,13 @@ class Reconstructor {
     Reconstruction out;
     for (std::size_t p = 0; p < a.parts.size(); ++p) out.parts.push_back(ReportPart(a, p));
     for (const auto& view : a.AdjustedViews()) out.cam_from_world.push_back(view.cam_from_world);
-    for (const auto& g : a.groups) {
-      out.num_observations += static_cast<int>(g.observations.size());
-      ReportEdge(g, out.parts[static_cast<std::size_t>(g.part)]);
-    }
-    for (std::size_t p = 0; p < out.parts.size(); ++p) Summarise(out.parts[p], p, out.warnings);
+    AddEdgeFindings(a, out);
     out.systematic_px = a.systematic_px;
     out.camera_scale = a.camera_scale;
     out.stop_scale = a.stop_scale;
-    if (options_.adjust_cameras) ReportCameras(a, out);
+    if (options_.adjust_cameras) AddCameraFindings(a, significance_, out);
+    AddInfluences(a, out);
+    AddScale(a, options_.picture_position_sigma_mm, out);
     return out;
   }
 
@@ -611,6 +538,7 @@ class Reconstructor {
     out.stands_on = part.stands_on;
     out.leans = part.free[4];
     out.observable = observable_[p];
+    out.singular_values = singular_values_[p];
     out.covariance = a.PartCovariance(static_cast<int>(p));
     const auto defs = part.object.model->dimensions();
     for (std::size_t i = 0; i < defs.size(); ++i) {
@@ -627,9 +555,11 @@ class Reconstructor {
       d.sigma_mm = std::sqrt(std::max(0.0, out.covariance(at, at)));
       out.dimensions.push_back(std::move(d));
     }
-    for (const auto& v : PlaceSolid(part.object).vertices)
-      out.vertex_sigma.push_back(
-          (v.by_state * out.covariance * v.by_state.transpose()).diagonal().cwiseMax(0).cwiseSqrt());
+    for (const auto& v : PlaceSolid(part.object).vertices) {
+      const Eigen::Matrix3d covariance = v.by_state * out.covariance * v.by_state.transpose();
+      out.vertex_sigma.push_back(covariance.diagonal().cwiseMax(0).cwiseSqrt());
+      if (options_.full_covariance) out.vertex_covariance.push_back(covariance);
+    }
     return out;
   }
 
@@ -644,83 +574,6 @@ class Reconstructor {
         d.min_mm, d.max_mm);
   }
 
-  static void ReportEdge(const ObservationGroup& g, ReconstructedPart& part) {
-    EdgeResidual e;
-    const auto& s = g.observations[0].sample;
-    e.source = s.source;
-    e.index = s.index;
-    e.limb_side = s.limb_side;
-    e.view = g.view;
-    e.edge_class = g.edge_class;
-    e.mean_px = -g.mean_px;
-    double sum = 0, n = 0;
-    for (const auto& o : g.observations)
-      if (o.weight > 0) sum += o.residual_px * o.residual_px, ++n;
-    e.rms_px = n > 0 ? std::sqrt(sum / n) : 0;
-    e.num_points = static_cast<int>(n);
-    e.used = g.weight > 0 && n > 0;
-    part.edges.push_back(e);
-    if (e.used && (part.views.empty() || part.views.back() != g.view)) part.views.push_back(g.view);
-  }
-
-  void Summarise(ReconstructedPart& part, std::size_t p, std::vector<std::string>& warnings) const {
-    double sum = 0, n = 0;
-    std::map<std::tuple<int, int, int>, std::vector<double>> by_edge;
-    for (const auto& e : part.edges) {
-      by_edge[{static_cast<int>(e.source), e.index, e.limb_side}].push_back(std::abs(e.mean_px));
-      if (!e.used) continue;
-      sum += e.mean_px * e.mean_px;
-      ++n;
-    }
-    part.residual_px = n > 0 ? std::sqrt(sum / n) : 0;
-    constexpr std::size_t kEnoughViews = 3;
-    for (const auto& [key, means] : by_edge)
-      if (means.size() >= kEnoughViews && Median(means, 0) > kFarPx)
-        part.remarks.push_back(
-            fmt::format("{} {} lies {:.2f} px off in the middle of {} pictures: the part is bent there or of "
-                        "another kind",
-                        std::get<0>(key) == 0   ? "edge"
-                        : std::get<0>(key) == 1 ? "rim"
-                                                : "limb",
-                        std::get<1>(key), Median(means, 0), means.size()));
-    if (n == 0)
-      warnings.push_back(
-          fmt::format("part {} ({}): no picture shows an edge of it that could be measured; its values are "
-                      "those of identification",
-                      p + 1, part.object.model->kind()));
-  }
-
-  void ReportCameras(const Adjustment& a, Reconstruction& out) const {
-    for (std::size_t c = 0; c < a.cameras.size(); ++c) {
-      const auto& camera = a.cameras[c];
-      CameraCorrection r;
-      r.camera = camera.camera->id;
-      r.views = camera.views;
-      r.rotation_rad = camera.value.head<3>();
-      r.shift_mm = camera.value.segment<3>(3);
-      const VectorXd sigma = a.CameraCovariance(static_cast<int>(c)).diagonal().cwiseMax(0).cwiseSqrt();
-      r.rotation_sigma_rad = sigma.head<3>();
-      r.shift_sigma_mm = sigma.segment<3>(3);
-      r.significance = c < significance_.size() ? significance_[c] : 0;
-      r.moved = camera.loosened;
-      if (r.moved) out.warnings.push_back(MovedSentence(r));
-      out.cameras.push_back(std::move(r));
-    }
-    for (std::size_t s = 0; s < a.stops.size(); ++s)
-      out.stops.push_back({a.stops[s].stop, a.stops[s].value,
-                           a.StopCovariance(static_cast<int>(s)).diagonal().cwiseMax(0).cwiseSqrt()});
-  }
-
-  static std::string MovedSentence(const CameraCorrection& r) {
-    const bool one = r.views.size() == 1;
-    return fmt::format(
-        "{} {} does not stand where its calibration says: turned by {:.2f} mrad and moved by {:.1f} mm "
-        "(chi-square {:.1f} "
-        "per degree of freedom); it was adjusted, calibrate it again",
-        one ? "the picture of camera" : "camera", r.camera, r.rotation_rad.norm() * 1e3, r.shift_mm.norm(),
-        r.significance);
-  }
-
   std::span<const View> views_;
   std::span<const GreyView> pictures_;
   std::span<const IdentifiedPart> given_;
@@ -729,6 +582,7 @@ class Reconstructor {
   const Progress& progress_;
   std::vector<PictureState> states_;
   std::vector<std::vector<bool>> observable_;
+  std::vector<VectorXd> singular_values_;
   std::vector<PlacedObject> drawn_;  // the parts as the line images have them
   DimensionMask captured_;           // per part and dimension: see HoldCaptured
   std::vector<double> significance_;
@@ -739,6 +593,8 @@ class Reconstructor {
 std::span<const ParameterOf<ReconstructOptions>> ReconstructParameters() {
   using O = ReconstructOptions;
   static const ParameterOf<O> rows[] = {
+      {"reconstruct.draw_to_lines", &O::draw_to_lines, 0, 1, "",
+       "Draw the parts to the lines first; not needed where they lie within reconstruct.search_px already."},
       {"reconstruct.search_px", &O::search_px, 0.5, 20, "px",
        "How far from its predicted place an edge is looked for in the first round."},
       {"reconstruct.piece_length_px", &O::piece_length_px, 4, 64, "px",
@@ -759,9 +615,20 @@ std::span<const ParameterOf<ReconstructOptions>> ReconstructParameters() {
        "How flat the ground is, and how well it is z = 0."},
       {"reconstruct.contact_sigma_mm", &O::contact_sigma_mm, 1e-3, 100, "mm",
        "How closely a part lies on the one that it stands on."},
+      {"reconstruct.free_bias_px", &O::free_bias_px, 1e-4, 10, "px",
+       "How far chamfers and the like may pull a free edge alike in all pictures."},
+      {"reconstruct.contact_bias_px", &O::contact_bias_px, 1e-4, 10, "px",
+       "How far a contact shadow or a weld may pull an edge that lies on something alike in all pictures."},
+      {"reconstruct.round_bias_px", &O::round_bias_px, 1e-4, 10, "px",
+       "How far shading may pull a rim alike in all pictures."},
+      {"reconstruct.limb_bias_px", &O::limb_bias_px, 1e-4, 10, "px",
+       "How far the outline of a cylinder may be pulled inwards, where its surface turns away from the "
+       "light."},
       {"reconstruct.tilt_sigma_deg", &O::tilt_sigma_deg, 0.01, 10, "deg",
        "How far parts lean, where they do."},
       {"reconstruct.allow_tilt", &O::allow_tilt, 0, 1, "", "Let a part lean where the pictures demand it."},
+      {"reconstruct.full_covariance", &O::full_covariance, 0, 1, "",
+       "Write the covariance of every vertex, and the correlations, into product.json."},
   };
   return rows;
 }
@@ -779,6 +646,12 @@ Result<Reconstruction> ReconstructScene(std::span<const View> views, std::span<c
       return InputError("picture {} has {} x {} pixels, but its camera {} has {} x {}", v, pictures[v].width,
                         pictures[v].height, views[v].camera->id, views[v].camera->width_px,
                         views[v].camera->height_px);
+  for (const auto& known : options.known_lengths)
+    if (known.part < 0 || known.part >= static_cast<int>(parts.size()) || known.dimension < 0 ||
+        known.dimension >=
+            static_cast<int>(parts[static_cast<std::size_t>(known.part)].object.dimensions_mm.size()))
+      return InputError("a known length names dimension {} of part {}, which is not there", known.dimension,
+                        known.part);
   if (parts.empty()) {
     Reconstruction nothing;
     for (const auto& v : views) nothing.cam_from_world.push_back(v.cam_from_world);

@@ -17,10 +17,12 @@
 #include "vss/identify/scene.h"
 #include "vss/image/grey_image.h"
 #include "vss/reconstruct/contour_pieces.h"
+#include "vss/reconstruct/known_length.h"
 
 namespace vss {
 
 struct ReconstructOptions {
+  bool draw_to_lines = true;  // false: the parts lie within `search_px` already
   double search_px = 3;
   double piece_length_px = 8;
   bool adjust_cameras = true;
@@ -28,8 +30,12 @@ struct ReconstructOptions {
   double picture_rotation_sigma_mrad = 0.5, picture_position_sigma_mm = 0.5;
   double stop_sigma_mm = 0.15;
   double ground_sigma_mm = 0.1, contact_sigma_mm = 0.1;
+  // What may pull an edge alike in all pictures: chamfers, contact shadows, a cylinder's shading.
+  double free_bias_px = 0.02, contact_bias_px = 0.2, round_bias_px = 0.05, limb_bias_px = 0.5;
   double tilt_sigma_deg = 1;
   bool allow_tilt = true;
+  bool full_covariance = false;
+  std::vector<KnownLength> known_lengths;  // where there are some, the cameras' places share an unknown scale
 };
 std::span<const ParameterOf<ReconstructOptions>> ReconstructParameters();
 
@@ -39,10 +45,18 @@ struct EdgeResidual {
   int index = 0;  // of the solid's edge, circle or cylinder face
   int limb_side = 0;
   int view = 0;
-  EdgeClass edge_class = EdgeClass::kFree;
+  ContourClass edge_class = ContourClass::kFree;
   double mean_px = 0, rms_px = 0;  // measured less predicted, along the contour's normal
   int num_points = 0;
   bool used = true;  // false: too far off to be that edge
+};
+
+// How far the middle of a straight edge lies off the line through its ends.
+struct EdgeStraightness {
+  int edge = 0;
+  double bow_mm = 0, sigma_mm = 0;
+  double chi_square = 0;  // of no bow, two degrees of freedom
+  int num_views = 0;
 };
 
 struct ReconstructedDimension {
@@ -58,11 +72,14 @@ struct ReconstructedPart {
   bool leans = false;          // tilts were needed and are estimated
   Eigen::MatrixXd covariance;  // of the state (mm, rad), calibration and systematic errors included
   std::vector<ReconstructedDimension> dimensions;
-  std::vector<bool> observable;               // of the state
-  std::vector<Eigen::Vector3d> vertex_sigma;  // mm, world
+  std::vector<bool> observable;                    // of the state
+  std::vector<Eigen::Vector3d> vertex_sigma;       // mm, world
+  std::vector<Eigen::Matrix3d> vertex_covariance;  // mm^2, where asked for
   double residual_px = 0;  // rms of the edges' mean residuals in their pictures, those in use
   std::vector<EdgeResidual> edges;
-  std::vector<int> views;  // that measured it
+  std::vector<EdgeStraightness> straightness;
+  Eigen::VectorXd singular_values;  // of the scaled Jacobian, descending: see AnalyseObservability
+  std::vector<int> views;           // that measured it
   std::vector<std::string> remarks;
 };
 
@@ -81,13 +98,34 @@ struct StopCorrection {
   Eigen::Vector3d shift_mm = Eigen::Vector3d::Zero(), sigma_mm = Eigen::Vector3d::Zero();
 };
 
+// What one view decides: without it, this unknown of this part would change most, in its own sigmas.
+struct ViewInfluence {
+  int view = 0;
+  int num_edges = 0;  // measured in it
+  double rms_px = 0;  // of their means
+  int part = 0;
+  std::string unknown;    // "x", "y", "z" or a dimension
+  double change_mm = 0;   // what it would be without the view, less what it is
+  double sigma_mm = 0;    // that such a change has
+  bool outlying = false;  // the view contradicts the others
+};
+
+// Where the scale comes from: 1 + correction was found for the places of all cameras.
+struct ScaleFinding {
+  enum class From { kKnownLength, kGantry, kPictures };
+  From from = From::kPictures;
+  double correction = 0, sigma = 0;
+};
+
 struct Reconstruction {
   std::vector<ReconstructedPart> parts;  // in the order given
   std::vector<CameraCorrection> cameras;
   std::vector<StopCorrection> stops;
-  std::vector<RigidTransform> cam_from_world;           // of each view, adjusted
-  std::array<double, kNumEdgeClasses> systematic_px{};  // common error of an edge in a picture, by class
+  std::vector<RigidTransform> cam_from_world;              // of each view, adjusted
+  std::array<double, kNumContourClasses> systematic_px{};  // common error of an edge in a picture, by class
   double camera_scale = 1, stop_scale = 1;  // estimated, of the priors where no calibration gave them
+  std::vector<ViewInfluence> influences;    // of the views that measured something
+  ScaleFinding scale;
   int num_observations = 0;
   std::vector<std::string> warnings;
 };

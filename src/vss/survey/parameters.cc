@@ -1,7 +1,9 @@
 #include "vss/survey/parameters.h"
 
 #include <algorithm>
+#include <charconv>
 #include <numeric>
+#include <regex>
 
 namespace vss {
 namespace {
@@ -13,6 +15,8 @@ void ForEachStep(const Visitor& visit) {
   visit(IdentifyParameters(), &SurveyOptions::identify);
   visit(ReconstructParameters(), &SurveyOptions::reconstruct);
   visit(SeamParameters(), &SurveyOptions::seams);
+  visit(TemperatureParameters(), &SurveyOptions::temperature);
+  visit(NominalParameters(), &SurveyOptions::nominal);
 }
 
 // Levenshtein's distance: how many letters to change, add or drop.
@@ -60,6 +64,25 @@ std::vector<ParameterInfo> SurveyParameters(const SurveyOptions& options) {
   std::vector<ParameterInfo> list;
   ForEachStep([&](auto rows, auto member) { ListParameters(rows, options.*member, list); });
   return list;
+}
+
+Result<NamedLength> ParseKnownLength(const std::string& text) {
+  static const std::regex form(R"(([^.=]+)\.([^.=]+)=([0-9.eE+]+?)(?:\+-([0-9.eE]+))?)");
+  std::smatch match;
+  NamedLength out;
+  const auto number = [](const std::string& digits, double& value) {
+    const auto end = digits.data() + digits.size();
+    const auto read = std::from_chars(digits.data(), end, value);
+    return read.ec == std::errc() && read.ptr == end && value > 0;
+  };
+  if (!std::regex_match(text, match, form) || !number(match[3], out.value_mm) ||
+      (match[4].matched && !number(match[4], out.sigma_mm)))
+    return UsageError(
+        "--known-length {}: write PART.DIMENSION=MM, with its standard deviation where it is known, e.g. "
+        "part-1.length=1200.0+-0.1",
+        text);
+  out.part = match[1], out.dimension = match[2];
+  return out;
 }
 
 }  // namespace vss

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <mutex>
@@ -134,6 +135,39 @@ void Match(const Reconstruction& reconstruction, std::vector<View> views, const 
   for (std::size_t i = 0; i < parts.size(); ++i) parts[i].matches = std::move(matches[i]);
 }
 
+void WarnOfOutlyingPictures(const Survey& survey, Product& product) {
+  for (const auto& p : product.checks->pictures)
+    if (p.outlying)
+      product.warnings.push_back(fmt::format(
+          "picture {} contradicts the others: without it, {} of {} would be {:+.2f} mm ({:.1f} sigma); look "
+          "whether its camera or carriage stood still",
+          survey.images[static_cast<std::size_t>(p.image)].file, p.unknown, p.part, p.change_mm,
+          std::abs(p.change_mm) / p.sigma_mm));
+}
+
+// The known lengths as indices into the identified parts, which are called part-1, part-2, ... in their
+// order.
+Result<std::vector<KnownLength>> KnownLengths(const SurveyOptions& options,
+                                              const std::vector<IdentifiedPart>& parts) {
+  std::vector<KnownLength> out;
+  for (const auto& named : options.known_lengths) {
+    std::size_t part = 0;
+    while (part < parts.size() && PartId(static_cast<int>(part)) != named.part) ++part;
+    if (part == parts.size())
+      return InputError("--known-length {}.{}: there is no {}; {} parts were found, part-1, part-2, ...",
+                        named.part, named.dimension, named.part, parts.size());
+    const auto& model = *parts[part].object.model;
+    const auto defs = model.dimensions();
+    std::size_t dimension = 0;
+    while (dimension < defs.size() && defs[dimension].name != named.dimension) ++dimension;
+    if (dimension == defs.size())
+      return InputError("--known-length {}.{}: {} is a {}, which has no {}", named.part, named.dimension,
+                        named.part, model.kind(), named.dimension);
+    out.push_back({static_cast<int>(part), static_cast<int>(dimension), named.value_mm, named.sigma_mm});
+  }
+  return out;
+}
+
 }  // namespace
 
 Result<GreyImage> ReadSurveyPicture(const Survey& survey, int index) {
@@ -234,16 +268,20 @@ Result<SurveyOutcome> RunSurvey(const Survey& survey, const SurveyOptions& optio
   watch.Stop("identify");
   std::vector<GreyView> grey;
   for (const auto& picture : pictures) grey.push_back(picture.view());
+  ReconstructOptions reconstruct = options.reconstruct;
+  VSS_ASSIGN(reconstruct.known_lengths, KnownLengths(options, scene.parts));
   VSS_ASSIGN(const Reconstruction reconstruction,
-             ReconstructScene(views, grey, scene.parts, options.reconstruct, options.threads, progress));
+             ReconstructScene(views, grey, scene.parts, reconstruct, options.threads, progress));
   outcome.cam_from_world = reconstruction.cam_from_world;
   Match(reconstruction, views, options, scene.parts);
   watch.Stop("reconstruct");
   outcome.product = MakeProduct(scene, reconstruction, views);
+  WarnOfOutlyingPictures(survey, outcome.product);
   outcome.product.survey = survey.name;
   outcome.product.warnings.insert(outcome.product.warnings.begin(), survey.warnings.begin(),
                                   survey.warnings.end());
   outcome.product.seams = FindSeams(outcome.product, outcome.knowledge, options.seams);
+  ReduceToReferenceTemperature(options.temperature, outcome.product);
   watch.Stop("product");
   if (progress.Cancelled()) return Cancelled();
   return outcome;

@@ -1,0 +1,277 @@
+// Simulated scenes for the reconstruction benchmark: with noise alone, against the Cramer-Rao bound; with all
+// that disturbs and cameras off by errors drawn from a calibration's covariance, against the regions given.
+#pragma once
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+#include "reconstruct_survey.h"
+#include "vss/identify/contour.h"
+#include "vss/simulate/random_scene.h"
+#include "vss/simulate/simulate.h"
+
+namespace vss::benchmark {
+
+struct Rendered {
+  std::vector<GreyImage> images;
+  std::vector<LineImage> lines;
+  std::vector<View> views;
+  std::vector<GreyView> pictures;
+};
+
+// `cameras`: what is known of the scene's cameras, in their order.
+inline Rendered Render(const SimulatedScene& scene, const std::vector<Camera>& cameras) {
+  Rendered r;
+  r.images.resize(scene.pictures.size());
+  OrStop(RenderPictures(scene, 1, {},
+                        [&](int i, const RenderedPicture& p) { r.images[std::size_t(i)] = p.image; }));
+  r.lines.resize(r.images.size());
+  std::vector<Eigen::Vector3d> stops;
+  for (std::size_t i = 0; i < r.images.size(); ++i) {
+    const ScenePicture& p = scene.pictures[i];
+    const Camera& camera = cameras[std::size_t(p.camera)];
+    const auto at = std::find(stops.begin(), stops.end(), *p.gantry_mm);
+    const int stop = static_cast<int>(at - stops.begin());
+    if (at == stops.end()) stops.push_back(*p.gantry_mm);
+    r.lines[i] = DetectLines(r.images[i].view(), &camera.intrinsics, {});
+    r.views.push_back(MakeView(static_cast<int>(i), camera, Gantry{}.CamFromWorld(camera, *p.gantry_mm), stop,
+                               &r.lines[i]));
+    r.pictures.push_back(r.images[i].view());
+  }
+  return r;
+}
+
+inline std::vector<IdentifiedPart> PartsOf(const SimulatedScene& scene) {
+  std::vector<IdentifiedPart> out;
+  for (const auto& part : scene.parts) {
+    IdentifiedPart p;
+    p.object = part.object;
+    for (std::size_t i = 0; i < scene.parts.size(); ++i)
+      if (scene.parts[i].id == part.stands_on) p.stands_on = static_cast<int>(i);
+    out.push_back(std::move(p));
+  }
+  return out;
+}
+
+// --- noise alone ---
+
+inline constexpr double kNoise = 6;  // grey levels: well above the rounding to 8 bit and the renderer's edges
+
+// Even light from above, plain surfaces, one grey for all parts, the ground darker; parts on the ground only.
+inline SimulatedScene DrawPlainScene(std::uint64_t seed, const KnowledgeBase& knowledge) {
+  RandomSceneOptions options;
+  options.seed = seed;
+  options.layout = Layout::kMixed;
+  options.num_parts = 4;
+  options.clutter = false;
+  options.stops = {2, 1};
+  SimulatedScene scene = OrStop(DrawRandomScene(options, knowledge));
+  std::erase_if(scene.parts, [](const auto& p) { return p.stands_on != "ground"; });
+  scene.ground = {0.1, 0, 0, 0};
+  for (auto& p : scene.parts) p.material = {0.45, 0, 0, 0};
+  scene.lamps.clear();
+  scene.ambient = 1;
+  for (auto& c : scene.cameras) c.read_noise = kNoise, c.shot_noise = 0, c.vignetting = 0;
+  return scene;
+}
+
+inline double Grey(const GreyView& image, const Eigen::Vector2d& p) {
+  const int u = std::clamp(static_cast<int>(std::floor(p.x())), 0, image.width - 2);
+  const int v = std::clamp(static_cast<int>(std::floor(p.y())), 0, image.height - 2);
+  const double a = p.x() - u, b = p.y() - v;
+  return (1 - b) * ((1 - a) * image.At(u, v) + a * image.At(u + 1, v)) +
+         b * ((1 - a) * image.At(u, v + 1) + a * image.At(u + 1, v + 1));
+}
+
+// Fisher's information of the pictures on the state of part `p`, everything else known: of a step of contrast
+// C and blur b in noise sigma, C^2 / (2 b sqrt(pi) sigma^2) a pixel of contour and squared pixel of offset.
+// Contrast: of the pictures without noise, just beyond the blur on both sides.
+inline Eigen::MatrixXd Information(const SimulatedScene& scene, const Rendered& clean, std::size_t p) {
+  constexpr double kStepPx = 1, kBesidePx = 2.2, kPixelVariance = 1.0 / 12;
+  std::vector<WorldSolid> solids;
+  for (const auto& part : scene.parts) solids.push_back(PlaceSolid(part.object, true));
+  Occluders others;
+  for (std::size_t k = 0; k < solids.size(); ++k)
+    if (k != p) others.Add(solids[k], static_cast<int>(k));
+  const int n = scene.parts[p].object.StateSize();
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  for (std::size_t v = 0; v < clean.views.size(); ++v) {
+    const View& view = clean.views[v];
+    const auto& camera = scene.cameras[std::size_t(scene.pictures[v].camera)];
+    const double blur = std::sqrt(camera.blur_px * camera.blur_px + kPixelVariance);
+    for (const auto& s : SampleContour(solids[p], view, kStepPx, 1, &others)) {
+      if (!s.visible) continue;
+      const auto& lens = view.camera->intrinsics;
+      Eigen::Matrix2d by_normalized;
+      Eigen::Matrix<double, 2, 3> by_cam;
+      if (!lens.ImgFromNormalized(lens.NormalizedFromIdeal(s.ideal), &by_normalized) ||
+          !lens.Project(view.cam_from_world * s.point_in_world, &by_cam))
+        continue;
+      const Eigen::Vector2d tangent =
+          by_normalized * s.ideal_tangent.cwiseQuotient(Eigen::Vector2d(lens.fx_px, lens.fy_px));
+      const Eigen::Vector2d normal = Eigen::Vector2d(-tangent.y(), tangent.x()).normalized();
+      const double contrast = Grey(clean.pictures[v], s.img + kBesidePx * normal) -
+                              Grey(clean.pictures[v], s.img - kBesidePx * normal);
+      const Eigen::VectorXd j =
+          (normal.transpose() * by_cam * view.cam_from_world.rotation * SampleByState(solids[p], s))
+              .transpose();
+      const double weight = s.step_px * contrast * contrast / (2 * blur * std::sqrt(kPi) * kNoise * kNoise);
+      information += weight * j * j.transpose();
+    }
+  }
+  return information;
+}
+
+// Squared errors over the Cramer-Rao bound's variances: of each unknown (place, yaw, dimensions) of the parts
+// whose every dimension is observable; and of the vertices, in sum.
+inline nlohmann::json NoiseTrial(std::uint64_t seed, const KnowledgeBase& knowledge) {
+  SimulatedScene scene = DrawPlainScene(seed, knowledge);
+  std::vector<Camera> cameras;
+  for (const auto& c : scene.cameras) cameras.push_back(c.camera);
+  const Rendered noisy = Render(scene, cameras);
+  for (auto& c : scene.cameras) c.read_noise = 0;
+  const Rendered clean = Render(scene, cameras);
+  const auto truth = PartsOf(scene);
+  std::mt19937 random(static_cast<unsigned>(seed));
+  ReconstructOptions options;
+  options.adjust_cameras = options.allow_tilt = false;
+  options.ground_sigma_mm = 1e-3;
+  options.free_bias_px = options.contact_bias_px = options.round_bias_px = 1e-3;
+  const auto result =
+      OrStop(ReconstructScene(noisy.views, noisy.pictures, Moved(truth, 3, 0.2, random), options, 1, {}));
+  nlohmann::json out = nlohmann::json::array();
+  for (std::size_t p = 0; p < truth.size(); ++p) {
+    const auto& part = result.parts[p];
+    const bool round = truth[p].object.model->kind() == "pipe";  // whose yaw is nothing
+    std::vector<int> unknowns = round ? std::vector{0, 1} : std::vector{0, 1, 3};
+    bool all = true;
+    for (std::size_t i = 0; i < part.dimensions.size(); ++i) {
+      unknowns.push_back(kPlacementSize + static_cast<int>(i));
+      all &= part.dimensions[i].observable;
+    }
+    nlohmann::json found = {{"kind", truth[p].object.model->kind()}, {"observable", all}};
+    const Eigen::MatrixXd f = Information(scene, clean, p)(unknowns, unknowns);
+    const Eigen::MatrixXd bound = f.ldlt().solve(Eigen::MatrixXd::Identity(f.rows(), f.cols()));
+    const Eigen::VectorXd e = (part.object.State() - truth[p].object.State())(unknowns);
+    for (Eigen::Index i = 0; i < e.size(); ++i) {
+      found["unknowns"].push_back(unknowns[static_cast<std::size_t>(i)]);
+      found["errors"].push_back(e[i]);
+      found["bounds"].push_back(std::sqrt(bound(i, i)));
+      found["sigmas"].push_back(std::sqrt(
+          part.covariance(unknowns[static_cast<std::size_t>(i)], unknowns[static_cast<std::size_t>(i)])));
+    }
+    double squares = 0, variance = 0;
+    const auto is = PlaceSolid(part.object, false), should = PlaceSolid(truth[p].object);
+    for (std::size_t k = 0; k < is.vertices.size(); ++k) {
+      squares += (is.vertices[k].point - should.vertices[k].point).squaredNorm();
+      const Eigen::MatrixXd j = Eigen::MatrixXd(should.vertices[k].by_state)(Eigen::all, unknowns);
+      variance += (j * bound * j.transpose()).trace();
+    }
+    found["vertices"] = {squares, variance};
+    out.push_back(found);
+  }
+  return {{"parts", out}};
+}
+
+// --- calibration errors ---
+
+// fx fy cx cy, distortion, rotation, translation: the order of CalibrationQuality.
+inline Camera Disturbed(Camera camera, const Eigen::VectorXd& by) {
+  auto& k = camera.intrinsics;
+  const int d = k.num_distortion;
+  k.fx_px += by[0], k.fy_px += by[1], k.cx_px += by[2], k.cy_px += by[3];
+  for (int i = 0; i < d; ++i) k.distortion[std::size_t(i)] += by[4 + i];
+  auto& place = *camera.cam_from_world;
+  place.rotation = RotationFromVector(by.segment<3>(4 + d)) * place.rotation;
+  place.translation += by.segment<3>(7 + d);
+  return camera;
+}
+
+inline Eigen::VectorXd Draw(const Eigen::MatrixXd& covariance, std::mt19937& random) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance);
+  std::normal_distribution<double> normal;
+  Eigen::VectorXd z(covariance.rows());
+  for (auto& x : z) x = normal(random);
+  return eigen.eigenvectors() * (eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal() * z);
+}
+
+inline void Show(const ReconstructedPart& part, const PlacedObject& truth, std::size_t index) {
+  fmt::print("{} {}{}\n", index + 1, truth.model->kind(), part.leans ? " leans" : "");
+  for (int i = 0; i < 4; ++i)
+    fmt::print("   {:<14} error {:9.4f} sigma {:8.4f}\n",
+               std::string(i == 3 ? "yaw" : std::string(1, "xyz"[i])),
+               part.object.placement[i] - truth.placement[i], std::sqrt(part.covariance(i, i)));
+  for (std::size_t i = 0; i < part.dimensions.size(); ++i) {
+    const auto& d = part.dimensions[i];
+    fmt::print("   {:<14} {:9.3f} error {:8.3f} sigma {:7.3f} {}\n", d.name, d.value_mm,
+               d.value_mm - truth.dimensions_mm[i], d.sigma_mm, d.observable ? "" : d.origin);
+  }
+  const auto solid = PlaceSolid(truth, false);
+  for (const auto& e : part.edges) {
+    std::string where;
+    if (e.source == ContourSample::Source::kEdge) {
+      const auto& edge = solid.edges[static_cast<std::size_t>(e.index)];
+      const auto &a = solid.vertices[static_cast<std::size_t>(edge.start)].point,
+                 &b = solid.vertices[static_cast<std::size_t>(edge.end)].point;
+      where = fmt::format("z {:.0f} {:.0f} length {:.0f}", a.z(), b.z(), (a - b).norm());
+    }
+    fmt::print("   {} {:>2} {:>2} class {} view {:>2} mean {:7.3f} rms {:6.3f} points {:>3} {} {}\n",
+               static_cast<int>(e.source), e.index, e.limb_side, static_cast<int>(e.edge_class), e.view,
+               e.mean_px, e.rms_px, e.num_points, e.used ? "" : "NOT USED", where);
+  }
+  for (const auto& r : part.remarks) fmt::print("   {}\n", r);
+}
+
+// One scene of five parts in eight pictures of the calibrated rig: shadows, texture, noise; the rig truly
+// stands off its files by errors of their covariance, the stops by 0.15 mm.
+inline nlohmann::json CalibratedTrial(std::uint64_t seed, const KnowledgeBase& knowledge,
+                                      const std::vector<Camera>& calibrated, bool show = false) {
+  constexpr double kStopSigmaMm = 0.15;
+  RandomSceneOptions options;
+  options.seed = seed;
+  options.num_parts = 5;
+  options.stops = {2, 1};
+  SimulatedScene scene = OrStop(DrawRandomScene(options, knowledge));
+  std::mt19937 random(static_cast<unsigned>(seed));
+  for (std::size_t c = 0; c < scene.cameras.size(); ++c)
+    scene.cameras[c].camera = Disturbed(calibrated[c], Draw(calibrated[c].quality->covariance, random));
+  std::vector<double> stops_x, stops_y;
+  for (const auto& p : scene.pictures) {
+    if (std::find(stops_x.begin(), stops_x.end(), p.gantry_mm->x()) == stops_x.end())
+      stops_x.push_back(p.gantry_mm->x());
+    if (std::find(stops_y.begin(), stops_y.end(), p.gantry_mm->y()) == stops_y.end())
+      stops_y.push_back(p.gantry_mm->y());
+  }
+  scene.pictures.clear();
+  AddStops(stops_x, stops_y, kStopSigmaMm, scene);
+  const Rendered r = Render(scene, calibrated);
+  const auto truth = PartsOf(scene);
+  ReconstructOptions reconstruct;
+  reconstruct.stop_sigma_mm = kStopSigmaMm;
+  reconstruct.draw_to_lines = false;  // it is measuring that is tested, from near
+  reconstruct.search_px = 1.5;
+  const auto result =
+      OrStop(ReconstructScene(r.views, r.pictures, Moved(truth, 1, 0.05, random), reconstruct, 1, {}));
+  if (show)
+    for (std::size_t v = 0; v < r.images.size(); ++v) {
+      const auto png = EncodePng(r.images[v].view());
+      OrStop(
+          WriteFileAtomically(fmt::format("scene-{}-{}.png", seed, v), std::string(png.begin(), png.end())));
+    }
+  nlohmann::json out = nlohmann::json::array();
+  for (std::size_t p = 0; p < truth.size(); ++p) {
+    const Errors e = ErrorsOf(result.parts[p], truth[p].object);
+    if (show) Show(result.parts[p], truth[p].object, p);
+    out.push_back({{"kind", truth[p].object.model->kind()},
+                   {"leans", result.parts[p].leans},
+                   {"vertex_mm", e.vertex_mm},
+                   {"vertex_z", e.vertex_z},
+                   {"dimension_mm", e.dimension_mm},
+                   {"dimension_z", e.dimension_z},
+                   {"region", e.region},
+                   {"region_size", e.region_size},
+                   {"not_observable", e.not_observable}});
+  }
+  return {{"parts", out}};
+}
+
+}  // namespace vss::benchmark

@@ -1,0 +1,34 @@
+// Measures the contours of all parts in one picture: each piece of visible contour is looked for in the grey
+// values across it, and the pieces of one edge become one group of observations.
+#pragma once
+#include <span>
+#include <vector>
+
+#include "vss/reconstruct/adjustment.h"
+
+namespace vss {
+
+// What is measured and known of each picture while rounds go by.
+struct PictureState {
+  double blur_px = 0.7, blur_sigma_px = 0.3, noise = 0;
+};
+
+// What one picture gave.
+struct Measured {
+  std::vector<ObservationGroup> groups;
+  std::vector<double> blurs, noises;
+  std::vector<double> support;  // of each part: px of contour that is met less px that is not
+};
+
+struct MeasureOptions {
+  double search_px = 3;        // how far from its predicted place an edge is looked for
+  double piece_length_px = 8;  // for a blur of one pixel or less
+  int only_part = -1;          // -1: all
+};
+
+// `others[i]`: the solids that may hide part i.
+Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occluders> others, const View& view,
+                     int view_index, const GreyView& picture, const PictureState& state,
+                     const MeasureOptions& options);
+
+}  // namespace vss
