@@ -69,7 +69,9 @@ std::vector<CalibrationJobFile> FindCalibrationJobs(const fs::path& survey_folde
     const std::string name = (place / kJobFile).lexically_relative(folder).string();
     if (std::none_of(jobs.begin(), jobs.end(), [&](const auto& j) { return j.path == file; })) jobs.push_back({name, file});
   }
-  std::sort(jobs.begin(), jobs.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+  // The survey's own jobs before those beside it.
+  auto order = [](const CalibrationJobFile& job) { return std::pair(job.name.starts_with("../"), job.name); };
+  std::sort(jobs.begin(), jobs.end(), [&](const auto& a, const auto& b) { return order(a) < order(b); });
   return jobs;
 }
 

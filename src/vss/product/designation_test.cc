@@ -61,9 +61,7 @@ TEST(Designate, GivesTheHiddenWebOfABeamTheCataloguesThickness) {
 }
 
 TEST(Designate, LeavesAPartAloneWhoseSizeIsNotDetermined) {
-  ReconstructedPart part = Reconstructed("angle", {2000, 100, 100, 11, 0}, {true, true, true, false, true});
-  part.object.dimensions_mm.pop_back();
-  part.dimensions.pop_back();
+  ReconstructedPart part = Reconstructed("angle", {2000, 100, 100, 11}, {true, true, true, false});
   part.covariance = Eigen::MatrixXd::Identity(10, 10);
   const ReconstructedPart before = part;
   const Designation size = Designate(part);
