@@ -324,7 +324,7 @@ TEST_F(RoutesTest, FindsCalibrationJobsInTheSurveyAndBesideItAndNowhereElse) {
   fs::create_directory_symlink(elsewhere, outside_ / "link");
   std::vector<std::string> names;
   for (const auto& job : FindCalibrationJobs(outside_ / "survey")) names.push_back(job.name);
-  EXPECT_EQ(names, (std::vector<std::string>{"../rig/calibration.toml", "boards/calibration.toml", "calibration.toml"}));
+  EXPECT_EQ(names, (std::vector<std::string>{"boards/calibration.toml", "calibration.toml", "../rig/calibration.toml"}));
   fs::remove_all(elsewhere);
 }
 
