@@ -26,7 +26,7 @@ constexpr double kToleranceShare = 1.0 / 2000;
 constexpr double kTouchMm = 6;
 // Lines at least this long have directions that tell edges apart.
 constexpr double kSureLinePx = 15;
-constexpr double kMaxSharedVolume = 0.02;
+constexpr double kMaxSharedVolume = 0.005;
 
 double TolerancePx(std::span<const View> views, const IdentifyOptions& options) {
   if (options.tolerance_px > 0) return options.tolerance_px;
