@@ -328,7 +328,7 @@ class SceneSolver {
 
   // Of all seeds of a kind from one edge of the world, the few that fit best.
   std::vector<Hypothesis> Promising(std::vector<Hypothesis> seeds, const SeedContext& context) const {
-    constexpr int kPerLine = 6;
+    constexpr int kPerLine = 4, kPerSlantedLine = 6;  // whose ends are believed or not
     std::vector<double> scores(seeds.size());
     ParallelFor(seeds.size(), threads_, [&](std::size_t i) { scores[i] = RoughScore(seeds[i], context); });
     std::vector<std::size_t> order(seeds.size());
@@ -339,7 +339,10 @@ class SceneSolver {
     std::vector<Hypothesis> out;
     for (std::size_t i : order) {
       Hypothesis& h = seeds[i];
-      if (h.first_line >= 0 && (used[h.first_line] >= kPerLine || used[h.second_line] >= kPerLine)) continue;
+      const bool slanted = h.first_line >= 0 &&
+                           context.lines[std::size_t(h.first_line)].kind == WorldLine::Direction::kInclined;
+      const int most = slanted ? kPerSlantedLine : kPerLine;
+      if (h.first_line >= 0 && (used[h.first_line] >= most || used[h.second_line] >= most)) continue;
       ++used[h.first_line];
       ++used[h.second_line];
       out.push_back(std::move(h));
