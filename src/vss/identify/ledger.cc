@@ -1,5 +1,7 @@
 #include "vss/identify/ledger.h"
 
+#include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <numeric>
 #include <unordered_map>
@@ -89,6 +91,7 @@ const std::vector<bool>& Ledger::Hidden(int i, int slot, int k) {
 }
 
 std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
+  assert(std::all_of(set.begin(), set.end(), [&](int i) { return i >= 0 && i < size(); }));
   std::vector<std::size_t> first_contour(set.size() + 1);
   for (std::size_t n = 0; n < set.size(); ++n)
     first_contour[n + 1] = first_contour[n] + candidates_[std::size_t(set[n])].measured.contours.size();

@@ -70,11 +70,11 @@ class SceneSolver {
     for (int round = 0; round < kMaxRounds && !progress_.Cancelled(); ++round) {
       const std::vector<int> known = accepted_;
       const Known around = Explained(known);
-      const std::size_t before = items_.size();
+      changed_ = false;
       AddHypotheses(kGround, around);
       for (int support : known) AddHypotheses(support, around);
       JoinPlates();
-      if (items_.size() == before) break;
+      if (!changed_) break;
       ReseatOnPlates();
       Select();
       if (accepted_ == known) break;
@@ -401,6 +401,7 @@ class SceneSolver {
           (other.volume.box.sizes() - item.volume.box.sizes()).norm() > mm_per_px_)
         continue;
       if (h.log_odds > other.h.log_odds) {
+        changed_ = true;
         item.h = std::move(h);
         other = std::move(item);
         conflicts_.clear();
@@ -408,6 +409,7 @@ class SceneSolver {
       }
       return;
     }
+    changed_ = true;
     item.h = std::move(h);
     items_.push_back(std::move(item));
   }
@@ -793,7 +795,8 @@ class SceneSolver {
   std::vector<WorldCircle> circles_;
   std::vector<Item> items_;
   std::vector<int> accepted_;
-  std::map<std::pair<int, int>, bool> conflicts_;           // of items, by index
+  bool changed_ = false;                           // an item is new or better than at the last choice
+  std::map<std::pair<int, int>, bool> conflicts_;  // of items, by index
   std::set<std::pair<std::size_t, std::size_t>> reseated_;  // items tried on plates: what, on what
   struct Rival {
     int item;
