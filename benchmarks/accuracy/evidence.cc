@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "accuracy/true_objects.h"
 #include "vss/base/files.h"
 #include "vss/identify/edge_response.h"
 #include "vss/identify/scene.h"
@@ -27,22 +28,6 @@ using namespace vss;
 using Eigen::Vector2d;
 using nlohmann::json;
 namespace fs = std::filesystem;
-
-template <class T>
-T OrStop(Result<T> result) {
-  if (result) return std::move(*result);
-  std::cerr << result.error().message << "\n";
-  std::exit(1);
-}
-
-PlacedObject ObjectOf(const json& part, const KnowledgeBase& knowledge) {
-  PlacedObject object;
-  object.model = knowledge.Find(part["kind"].get<std::string>());
-  const auto& pose = part["pose"];
-  object.placement << pose["x"], pose["y"], pose["z"], RadFromDeg(pose["yaw"].get<double>()), 0, 0;
-  for (const auto& d : object.model->dimensions()) object.dimensions_mm.push_back(part["dims"][d.name]);
-  return object;
-}
 
 constexpr int kBins = 8;
 constexpr double kEdges[kBins - 1] = {0.7, 1, 1.5, 2.2, 3.5, 6, 12};
@@ -98,7 +83,7 @@ int main(int argc, char** argv) {
     const auto views = MakeViews(survey, lines, pictures);
     const json truth = json::parse(OrStop(ReadTextFile(fs::path(argv[a]) / "truth.json")));
     std::vector<PlacedObject> objects;
-    for (const json& p : truth["parts"]) objects.push_back(ObjectOf(p, knowledge));
+    for (const json& p : truth["parts"]) objects.push_back(TrueObject(p, knowledge));
     SceneIndex scene = MakeSceneIndex(views, 1.2 + 512 / 2000., 2);
     const ContourSampling sampling{.spacing_px = 8, .min_samples = 1};
     std::mt19937 random(1);

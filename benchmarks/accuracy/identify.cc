@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "accuracy/true_objects.h"
 #include "vss/base/files.h"
 #include "vss/identify/overlap.h"
 #include "vss/identify/scene.h"
@@ -25,25 +26,6 @@ namespace {
 using namespace vss;
 using nlohmann::json;
 namespace fs = std::filesystem;
-
-template <class T>
-T OrStop(Result<T> result) {
-  if (result) return std::move(*result);
-  std::cerr << result.error().message << "\n";
-  std::exit(1);
-}
-
-PlacedObject ObjectOf(const json& part, const KnowledgeBase& knowledge) {
-  PlacedObject object;
-  object.model = knowledge.Find(part["kind"].get<std::string>());
-  const auto& pose = part["pose"];
-  object.placement << pose["x"], pose["y"], pose["z"], RadFromDeg(pose["yaw"].get<double>()), 0, 0;
-  for (const auto& d : object.model->dimensions()) object.dimensions_mm.push_back(part["dims"][d.name]);
-  const auto poses = object.model->resting_poses();
-  for (std::size_t i = 0; i < poses.size(); ++i)
-    if (poses[i].name == part.value("rests", "base")) object.resting_pose = int(i);
-  return object;
-}
 
 std::string Described(const PlacedObject& o) {
   std::string out = fmt::format("{:<11} {:6.0f} {:6.0f} {:4.0f} {:6.1f}", o.model->kind(), o.placement[0],
@@ -136,7 +118,7 @@ void Run(const fs::path& folder, const Arguments& args, Tally& tally) {
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   const json truth = json::parse(OrStop(ReadTextFile(folder / "truth.json")));
   std::vector<PlacedObject> objects;
-  for (const json& p : truth["parts"]) objects.push_back(ObjectOf(p, knowledge));
+  for (const json& p : truth["parts"]) objects.push_back(TrueObject(p, knowledge));
   const auto evidence = WeighObjects(views, objects, args.options.identify, args.options.threads);
   std::vector<int> part_of(objects.size(), -1), truth_of(scene.parts.size(), -1);
   for (std::size_t i = 0; i < objects.size(); ++i)

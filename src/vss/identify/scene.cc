@@ -463,13 +463,10 @@ class SceneSolver {
 
   // Is there no better item of its kind and nearly the same frame?
   bool BestOfItsPlace(std::size_t i) const {
-    constexpr double kSamePlace = 0.8;
-    const auto& box = items_[i].volume.box;
     for (std::size_t k = 0; k < items_.size(); ++k) {
-      if (k == i || items_[k].kind != items_[i].kind) continue;
-      const auto& other = items_[k].volume.box;
-      const auto common = box.intersection(other);
-      if (common.isEmpty() || common.volume() < kSamePlace * box.merged(other).volume()) continue;
+      if (k == i || items_[k].kind != items_[i].kind ||
+          !SamePlace(items_[i].volume.box, items_[k].volume.box))
+        continue;
       if (items_[k].h.log_odds > items_[i].h.log_odds ||
           (items_[k].h.log_odds == items_[i].h.log_odds && k < i))
         return false;
