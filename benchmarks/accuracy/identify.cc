@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
+#include <ctime>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -112,10 +112,10 @@ void Run(const fs::path& folder, const Arguments& args, Tally& tally) {
   const auto pictures = OrStop(ReadSurveyPictures(survey, args.options.threads, {}));
   const auto lines = OrStop(DetectSurveyLines(survey, pictures, args.options, {}));
   const auto views = MakeViews(survey, lines, pictures);
-  const auto start = std::chrono::steady_clock::now();
+  const std::clock_t start = std::clock();
   const SceneResult scene =
       OrStop(IdentifyScene(views, knowledge, args.options.identify, args.options.threads, {}));
-  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const double seconds = double(std::clock() - start) / CLOCKS_PER_SEC;  // of all processors
   const json truth = json::parse(OrStop(ReadTextFile(folder / "truth.json")));
   std::vector<PlacedObject> objects;
   for (const json& p : truth["parts"]) objects.push_back(TrueObject(p, knowledge));
@@ -135,8 +135,9 @@ void Run(const fs::path& folder, const Arguments& args, Tally& tally) {
                id, Described(objects[i]), p["on"].get<std::string>(), evidence[i].Score(),
                evidence[i].elevated_log_odds);
     if (part_of[i] >= 0)
-      fmt::print(" found {:7.1f}{}", scene.parts[std::size_t(part_of[i])].log_odds,
-                 scene.parts[std::size_t(part_of[i])].doubtful ? " doubtful" : "");
+      fmt::print(" found {:7.1f}{} {}", scene.parts[std::size_t(part_of[i])].log_odds,
+                 scene.parts[std::size_t(part_of[i])].doubtful ? " doubtful" : "",
+                 Described(scene.parts[std::size_t(part_of[i])].object));
     if (p.contains("seen_px")) fmt::print(" [{} px]", p["seen_px"].get<int>());
     fmt::print("\n");
     if (args.edges.contains(id) || args.edges.contains("all")) PrintEdges(objects[i], evidence[i]);

@@ -62,7 +62,7 @@ void Ledger::Add(std::span<const PlacedObject> objects, int threads) {
     const auto views = ViewsThatSee(solid, scene_.views, kManyViews);
     c.prior = PriorLogOdds(objects[i], scene_.mm_per_px);
     c.measured = MeasureContours(solid, views, scene_, {.grey = true});
-    c.painted = PaintedLogOdds(solid, views, scene_, {});
+    c.painted = PaintedLogOdds(solid, views, scene_, {.rings = true});
     c.body.Add(solid, int(first + i));
     c.slot_of_view.assign(scene_.views.size(), -1);
     for (std::size_t s = 0; s < c.measured.views.size(); ++s)

@@ -22,6 +22,7 @@ LineIndex::LineIndex(const View& view, double reach_px) {
     l.ray_end = view.RayOfIdeal(end);
     l.plane_normal = l.ray_start.cross(l.ray_end).normalized();
     lines_.push_back(l);
+    slim_.push_back({start, l.direction, l.length_px});
     lo = lo.cwiseMin(start).cwiseMin(end);
     hi = hi.cwiseMax(start).cwiseMax(end);
   };
@@ -92,18 +93,17 @@ LineHit LineIndex::Nearest(const Vector2d& ideal, const Vector2d& tangent, doubl
                            double min_cosine, double slack_px) const {
   LineHit best;
   double best_distance = max_distance_px;
-  const Vector2d normal(-tangent.y(), tangent.x());
   for (int i : Cell(ideal)) {
-    const auto& l = lines_[static_cast<std::size_t>(i)];
+    const Slim& l = slim_[static_cast<std::size_t>(i)];
     const double cosine = l.direction.dot(tangent);
     if (std::abs(cosine) < min_cosine) continue;
     const Vector2d d = ideal - l.start;
     const double along = d.dot(l.direction);
     if (along < -slack_px || along > l.length_px + slack_px) continue;
-    const double distance = -d.dot(l.normal);
+    const double distance = l.direction.y() * d.x() - l.direction.x() * d.y();
     if (std::abs(distance) >= best_distance) continue;
     best_distance = std::abs(distance);
-    best = {i, distance * (l.normal.dot(normal) > 0 ? 1.0 : -1.0)};
+    best = {i, distance * (cosine > 0 ? 1.0 : -1.0)};
   }
   return best;
 }

@@ -50,6 +50,11 @@ class LineIndex {
 
  private:
   std::vector<ViewLine> lines_;
+  struct Slim {  // what a look-up asks of a line, close together in memory
+    Eigen::Vector2d start, direction;
+    double length_px;
+  };
+  std::vector<Slim> slim_;
   int num_segments_ = 0;
   double cell_px_ = 16;
   Eigen::Vector2d origin_ = Eigen::Vector2d::Zero();

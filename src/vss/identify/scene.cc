@@ -487,15 +487,16 @@ class SceneSolver {
   }
 
   // Have both the same round edge? The rim of a hole is no pipe's that stands in it, nor a pipe's foot a
-  // hole's rim.
+  // hole's rim. And of one kind, side by side around one middle, they are readings of one part.
   bool ShareRim(int a, int b) const {
-    constexpr double kSamePx = 1.5;
+    constexpr double kSamePx = 1.5, kOfOnePartPx = 5;
     if (!items_[std::size_t(a)].volume.box.intersects(items_[std::size_t(b)].volume.box)) return false;
     const WorldSolid one = SolidOf(a), other = SolidOf(b);
+    const bool one_kind = items_[std::size_t(a)].kind == items_[std::size_t(b)].kind;
     for (const auto& c : one.circles)
       for (const auto& d : other.circles)
         if ((c.center.point - d.center.point).norm() + std::abs(c.radius_mm - d.radius_mm) <
-            kSamePx * mm_per_px_)
+            (one_kind ? kOfOnePartPx : kSamePx) * mm_per_px_)
           return true;
     return false;
   }

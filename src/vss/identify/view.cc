@@ -52,25 +52,12 @@ View MakeView(int image, const Camera& camera, const RigidTransform& cam_from_wo
   return view;
 }
 
-std::optional<Eigen::Vector2d> View::ProjectIdeal(const Eigen::Vector3d& point_in_world) const {
-  constexpr double kMinDepthMm = 1.0;
-  const Eigen::Vector3d p = cam_from_world * point_in_world;
-  if (p.z() < kMinDepthMm) return std::nullopt;
-  return camera->intrinsics.IdealFromNormalized({p.x() / p.z(), p.y() / p.z()});
-}
-
 std::optional<Eigen::Vector2d> View::ProjectInside(const Eigen::Vector3d& point_in_world) const {
   const auto img = camera->intrinsics.Project(cam_from_world * point_in_world);
   if (!img || img->x() < 0 || img->y() < 0 || img->x() > camera->width_px - 1 ||
       img->y() > camera->height_px - 1)
     return std::nullopt;
   return img;
-}
-
-bool View::Shows(const Eigen::Vector3d& point_in_world) const {
-  const auto ideal = ProjectIdeal(point_in_world);
-  if (!ideal || !maybe_inside.contains(*ideal)) return false;
-  return surely_inside.contains(*ideal) || ProjectInside(point_in_world).has_value();
 }
 
 Eigen::Vector3d View::RayOfIdeal(const Eigen::Vector2d& ideal) const {

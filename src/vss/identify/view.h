@@ -25,11 +25,20 @@ struct View {
   Eigen::AlignedBox2d surely_inside, maybe_inside;
 
   // World point (mm) to `ideal` px (no distortion); empty behind the camera.
-  std::optional<Eigen::Vector2d> ProjectIdeal(const Eigen::Vector3d& point_in_world) const;
+  std::optional<Eigen::Vector2d> ProjectIdeal(const Eigen::Vector3d& point_in_world) const {
+    constexpr double kMinDepthMm = 1.0;
+    const Eigen::Vector3d p = cam_from_world * point_in_world;
+    if (p.z() < kMinDepthMm) return std::nullopt;
+    return camera->intrinsics.IdealFromNormalized({p.x() / p.z(), p.y() / p.z()});
+  }
   // World point to `img` px; empty behind the camera, beyond the lens or outside the picture.
   std::optional<Eigen::Vector2d> ProjectInside(const Eigen::Vector3d& point_in_world) const;
   // Whether ProjectInside() gives a point; faster.
-  bool Shows(const Eigen::Vector3d& point_in_world) const;
+  bool Shows(const Eigen::Vector3d& point_in_world) const {
+    const auto ideal = ProjectIdeal(point_in_world);
+    if (!ideal || !maybe_inside.contains(*ideal)) return false;
+    return surely_inside.contains(*ideal) || ProjectInside(point_in_world).has_value();
+  }
   // Unit direction in the world of an `ideal` px.
   Eigen::Vector3d RayOfIdeal(const Eigen::Vector2d& ideal) const;
 };

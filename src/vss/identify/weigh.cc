@@ -54,6 +54,11 @@ constexpr std::array<double, 8> kStepWeak{-3.1, -2.6, -2.1, -1.8,
 constexpr double kEmptyStep = 1.5;
 // The pieces of contour that were measured there.
 constexpr double kPiecePx = 8;
+// A round edge is darker, or lighter, inside all around: so often a piece of one shows a clear step (more than
+// kEmptyStep) of the sign that most others show, and so often a piece of any other ring.
+constexpr double kRisesTrue = 0.75, kRisesChance = 0.2;
+// Of those longer than this (px) the pictures' own arcs tell more.
+constexpr double kSmallRingPx = 120;
 // And shadows run there beside whatever stands above.
 constexpr double kChanceContact = 0.2;
 // Least chance of a line where nothing is, whatever the density says.
@@ -342,8 +347,37 @@ void Share(const std::vector<Hit>& hits, std::span<const ContourSample> samples,
     }
 }
 
-// For each contour the nearest other visible contour that runs beside it.
 using Neighbour = MeasuredContours::Neighbour;
+
+// For each circle the nearest other one that runs beside it, by the median of its samples.
+void NearestRing(std::span<const ContourSample> samples, const Numbering& numbering,
+                 std::vector<Neighbour>& nearest) {
+  std::vector<std::vector<const ContourSample*>> rings;
+  for (const auto& s : samples) {
+    if (!s.visible || s.source != ContourSample::Source::kCircle) continue;
+    if (rings.empty() || rings.back()[0]->index != s.index) rings.emplace_back();
+    rings.back().push_back(&s);
+  }
+  std::vector<double> distances;
+  for (const auto& a : rings)
+    for (const auto& b : rings) {
+      if (&a == &b) continue;
+      distances.clear();
+      for (const auto* s : a) {
+        const auto* best = *std::min_element(b.begin(), b.end(), [&](const auto* p, const auto* q) {
+          return (p->ideal - s->ideal).squaredNorm() < (q->ideal - s->ideal).squaredNorm();
+        });
+        distances.push_back(
+            std::abs((best->ideal - s->ideal).dot(Vector2d(-best->ideal_tangent.y(), best->ideal_tangent.x()))));
+      }
+      const auto middle = distances.begin() + std::ptrdiff_t(distances.size() / 2);
+      std::nth_element(distances.begin(), middle, distances.end());
+      auto& near = nearest[std::size_t(numbering.Of(*a[0]))];
+      if (*middle < near.distance_px) near = {*middle, numbering.Of(*b[0])};
+    }
+}
+
+// For each contour the nearest other visible contour that runs beside it.
 std::vector<Neighbour> NearestParallel(std::span<const ContourSample> samples, const Numbering& numbering) {
   std::vector<Neighbour> nearest(static_cast<std::size_t>(numbering.total));
   struct Middle {
@@ -356,6 +390,8 @@ std::vector<Neighbour> NearestParallel(std::span<const ContourSample> samples, c
     if (runs.empty() || runs.back().contour != numbering.Of(s)) runs.push_back({numbering.Of(s), &s, &s});
     runs.back().last = &s;
   }
+  std::erase_if(runs, [](const Middle& r) { return r.first->source == ContourSample::Source::kCircle; });
+  NearestRing(samples, numbering, nearest);
   for (const auto& a : runs) {
     const Vector2d middle = (a.first->ideal + a.last->ideal) / 2;
     const Vector2d along = a.first->ideal_tangent;
@@ -372,9 +408,27 @@ std::vector<Neighbour> NearestParallel(std::span<const ContourSample> samples, c
   return nearest;
 }
 
+// Does another edge of the solid leave the end `vertex` of edge `e` almost straight on, as the picture shows
+// it? One line then covers both, and where it ends says nothing of the vertex.
+bool RunsOn(const WorldSolid& solid, int e, int vertex, const View& view, const Vector2d& outward) {
+  constexpr double kStraightOn = 0.97;  // cosine of 14 degrees
+  const Vector3d& corner = solid.vertices[std::size_t(vertex)].point;
+  const auto from = view.ProjectIdeal(corner);
+  if (!from) return false;
+  for (std::size_t k = 0; k < solid.edges.size(); ++k) {
+    const SolidEdge& other = solid.edges[k];
+    if (int(k) == e || (other.start != vertex && other.end != vertex)) continue;
+    const auto to = view.ProjectIdeal(
+        solid.vertices[std::size_t(other.start == vertex ? other.end : other.start)].point);
+    if (to && (*to - *from).dot(outward) > kStraightOn * (*to - *from).norm()) return true;
+  }
+  return false;
+}
+
 // What it says that the line `l`, which covers the sample next to an end of a straight edge, ends with the
 // edge or runs on. 0 for samples elsewhere, and where the end is not in the picture.
-double EndLogOdds(const ContourSample& s, const View& view, const ViewLine& l, double tolerance_px) {
+double EndLogOdds(const WorldSolid& solid, const ContourSample& s, const View& view, const ViewLine& l,
+                  double tolerance_px) {
   if (s.source != ContourSample::Source::kEdge || s.t_step <= 0 || l.arc >= 0) return 0;
   double sum = 0;
   for (int end = 0; end < 2; ++end) {
@@ -383,6 +437,8 @@ double EndLogOdds(const ContourSample& s, const View& view, const ViewLine& l, d
     const Vector2d vertex = s.ideal + 0.5 * s.step_px * outward;
     const double reach = kEndTolerances * tolerance_px;
     if (!view.surely_inside.contains(Vector2d(vertex + reach * outward))) continue;
+    const SolidEdge& edge = solid.edges[std::size_t(s.index)];
+    if (RunsOn(solid, s.index, end == 0 ? edge.start : edge.end, view, outward)) continue;
     const double beyond = std::max((l.start - vertex).dot(outward), (l.end - vertex).dot(outward));
     if (beyond > reach)
       sum += std::log((1 - kEndsWithTrue) / (1 - kEndsWithChance));
@@ -469,11 +525,18 @@ void AppendMatches(const MeasuredContours& measured, const MeasuredContours::InV
 struct Tally {
   int visible = 0, open = 0, supported = 0;  // open: neither another part's nor unresolvable
   int stepped = 0;                           // without a line, but the grey values were asked
+  int rises = 0, falls = 0, rings = 0;       // of a round edge: clear steps of either sign, pieces asked
   double px = 0, chance = 0, squared = 0;
   double steps = 0;  // log-odds of what the grey values say there
   double empty_px = 0;
   double ends = 0;  // log-odds of where the lines end
   double Share() const { return open > 0 ? double(supported) / open : 0; }
+  // Log-odds of what the grey values say of a round edge as a whole, whichever side is dark.
+  double Ring() const {
+    const int same = std::max(rises, falls);
+    return same * std::log(kRisesTrue / kRisesChance) +
+           (rings - same) * std::log((1 - kRisesTrue) / (1 - kRisesChance)) - std::log(2);
+  }
 };
 
 }  // namespace
@@ -499,12 +562,13 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
   const ContourSampling sampling{.spacing_px = options.spacing_px,
                                  .min_samples = options.min_samples,
                                  .max_samples = options.max_samples,
-                                 .img = options.grey};
+                                 .img = options.grey || options.rings};
   std::vector<Hit> hits;
   std::vector<int> lost, lines;  // lines: of the picture's index, by hit
   for (int v : views) {
     const GreyView& picture = scene.views[std::size_t(v)].picture;
     const bool grey = options.grey && picture.data != nullptr;
+    const bool rings = (options.grey || options.rings) && picture.data != nullptr;
     const auto samples = SampleContour(solid, scene.views[std::size_t(v)], sampling, others);
     const auto& index = scene.lines[std::size_t(v)];
     MeasuredContours::InView in_view;
@@ -539,11 +603,17 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
       m.chance = scene.ChanceHit(v, s.ideal_tangent);
       m.lost = lost[i];
       if (m.line >= 0 && m.lost == 0)
-        m.ends = EndLogOdds(s, scene.views[std::size_t(v)], index.lines()[std::size_t(m.line)],
+        m.ends = EndLogOdds(solid, s, scene.views[std::size_t(v)], index.lines()[std::size_t(m.line)],
                             scene.tolerance_px);
-      if (m.line < 0 && grey) {
+      const bool round = rings && s.source == ContourSample::Source::kCircle;
+      if ((m.line < 0 && grey) || round) {
         const auto response =
             RespondToEdge(picture, s.img, s.ideal_tangent, std::min(kPiecePx, s.step_px), scene.tolerance_px);
+        if (response && round) m.rises = response->step / scene.typical_step[std::size_t(v)];
+        if (m.line >= 0 || !grey) {
+          in_view.samples.push_back(m);
+          continue;
+        }
         m.asked = response.has_value();
         if (response) {
           const double strength = std::abs(response->step) / scene.typical_step[std::size_t(v)];
@@ -578,6 +648,11 @@ ContourVote VoteOf(const MeasuredContours& measured, const MeasuredContours::InV
     t.chance += m.chance;
     if (m.line >= 0 && taken && taken(i)) continue;
     ++t.open;
+    if (m.rises != 0) {
+      ++t.rings;
+      t.rises += m.rises > kEmptyStep;
+      t.falls += m.rises < -kEmptyStep;
+    }
     if (m.asked) {
       ++t.stepped;
       t.steps += m.step;
@@ -624,6 +699,14 @@ ContourVote VoteOf(const MeasuredContours& measured, const MeasuredContours::InV
       const double steps = near_by.distance_px < kCrowdedPx ? std::min(t.steps, 0.0) : t.steps;
       c.per_piece = contour.weight * (share * (std::log(detect / chance) + near) + steps / t.open +
                                       missed / t.open * std::log((1 - detect) / (1 - chance)));
+      if (t.rings > 0 && t.px < kSmallRingPx) {
+        // Of two that run close together the clearer one has the steps.
+        const double ring = t.Ring(), other = near_by.distance_px < kCrowdedPx
+                                                  ? tallies[std::size_t(near_by.contour)].Ring()
+                                                  : -INFINITY;
+        if (ring > other || (ring == other && int(k) > near_by.contour))
+          c.per_piece = std::max(c.per_piece, contour.weight * ring / IndependentPieces(c.open_px));
+      }
     }
     out.contours.push_back(c);
   }
@@ -692,6 +775,7 @@ double PaintedLogOdds(const WorldSolid& solid, std::span<const int> views, const
   }
   if (high - low > kPaintPx * scene.mm_per_px) return 0;
   WeighOptions bare = options;
+  bare.rings = options.grey || options.rings;
   bare.keep_matches = bare.grey = false;
   bare.prior_log_odds = 0;
   double sum = 0;

@@ -73,6 +73,7 @@ struct WeighOptions {
   int min_samples = 3, max_samples = 24;  // an edge
   bool keep_matches = false;
   bool grey = false;   // ask the grey values where there is no line
+  bool rings = false;  // ask them of circles as a whole even so
   bool rough = false;  // for a start that is not yet fitted; without the comparison with paint
   double prior_log_odds = 0;
 };
@@ -97,6 +98,7 @@ struct MeasuredContours {
     Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
     double step_px = 0, chance = 0, distance_px = 0, along_px = 0;
     double ends = 0, step = 0;  // log-odds of where the line ends, of the grey values where there is no line
+    double rises = 0;  // of a circle: the grey values' step across it, inside to outside or the other way, typical = 1
   };
   // The nearest other contour that runs beside one.
   struct Neighbour {

@@ -23,6 +23,8 @@ constexpr double kMinPlaneAngle = 0.03;
 constexpr double kMinPlaneTilt = 0.1;
 // The share of the shorter line that must lie beside the other.
 constexpr double kMinOverlap = 0.4;
+// A line and the projected edge that it shows differ by no more (cosine of 5 degrees).
+constexpr double kMinCosine = 0.996;
 // Pieces of one edge may be this far apart, relative to what is already known of it.
 constexpr double kMaxGapShare = 0.3;
 constexpr double kMinGapMm = 60;
@@ -329,25 +331,56 @@ class Finder {
            std::abs(ds + slope * (hi - s)) < options_.tolerance_px;
   }
 
+  // The part of start-end that a picture may show, in `ideal` px: straight lines stay straight there.
+  static std::optional<std::pair<Vector2d, Vector2d>> Clipped(const View& view, const Vector3d& start,
+                                                              const Vector3d& end) {
+    constexpr double kMinDepthMm = 1.5;
+    Vector3d a = view.cam_from_world * start, b = view.cam_from_world * end;
+    if (std::max(a.z(), b.z()) < kMinDepthMm) return std::nullopt;
+    for (auto [behind, ahead] : {std::pair(&a, &b), std::pair(&b, &a)})
+      if (behind->z() < kMinDepthMm)
+        *behind += (*ahead - *behind) * ((kMinDepthMm - behind->z()) / (ahead->z() - behind->z()));
+    const auto& lens = view.camera->intrinsics;
+    const Vector2d p = lens.IdealFromNormalized({a.x() / a.z(), a.y() / a.z()});
+    const Vector2d d = lens.IdealFromNormalized({b.x() / b.z(), b.y() / b.z()}) - p;
+    double from = 0, to = 1;
+    for (int axis = 0; axis < 2; ++axis) {
+      const double lo = view.maybe_inside.min()[axis] - p[axis],
+                   hi = view.maybe_inside.max()[axis] - p[axis];
+      if (std::abs(d[axis]) < 1e-12) {
+        if (lo > 0 || hi < 0) return std::nullopt;
+        continue;
+      }
+      from = std::max(from, std::min(lo / d[axis], hi / d[axis]));
+      to = std::min(to, std::max(lo / d[axis], hi / d[axis]));
+    }
+    if (!(to > from)) return std::nullopt;
+    return std::pair{Vector2d(p + from * d), Vector2d(p + to * d)};
+  }
+
   // The lines of view `k` that lie on the projection of start-end.
   void Collinear(int k, const Vector3d& start, const Vector3d& end, std::vector<LineRef>& out) const {
-    const View& view = views_[std::size_t(k)];
     constexpr int kSteps = 12;
-    int last = -1;
-    std::vector<int> seen;
+    const auto shown = Clipped(views_[std::size_t(k)], start, end);
+    if (!shown) return;
+    const Vector2d step = (shown->second - shown->first) / kSteps;
+    const double length = step.norm();
+    if (length < 1e-12) return;
+    const Vector2d along = step / length;
+    const LineIndex& index = indices_[std::size_t(k)];
+    const std::size_t first = out.size();
     for (int s = 0; s <= kSteps; ++s) {
-      const Vector3d x = start + (end - start) * (s / double(kSteps));
-      if (!view.Shows(x)) continue;
-      const auto p = view.ProjectIdeal(x), q = view.ProjectIdeal(x + (end - start) * 1e-3);
-      if (!p || !q || (*q - *p).norm() < 1e-12) continue;
-      const LineHit hit =
-          indices_[std::size_t(k)].Nearest(*p, (*q - *p).normalized(), options_.tolerance_px, 0.996);
-      if (hit.line < 0 || hit.line == last || hit.line >= indices_[std::size_t(k)].num_segments()) continue;
-      last = hit.line;
-      if (std::find(seen.begin(), seen.end(), hit.line) != seen.end()) continue;
-      seen.push_back(hit.line);
-      if (DistancePx({k, hit.line}, start, end) < options_.tolerance_px) out.push_back({k, hit.line});
+      const int line =
+          index.Nearest(shown->first + s * step, along, options_.tolerance_px, kMinCosine).line;
+      if (line < 0 || line >= index.num_segments()) continue;
+      const LineRef found{k, line};
+      if (std::find(out.begin() + std::ptrdiff_t(first), out.end(), found) == out.end()) out.push_back(found);
     }
+    out.erase(std::remove_if(out.begin() + std::ptrdiff_t(first), out.end(),
+                             [&](const LineRef& r) {
+                               return DistancePx(r, start, end) >= options_.tolerance_px;
+                             }),
+              out.end());
   }
 
   std::optional<Candidate> Best(int i, int line, std::vector<Candidate>& candidates) const {

@@ -31,9 +31,14 @@ double Clamp(double x, const DimensionDef& d) { return std::clamp(x, d.min_mm, d
 // Projects onto the broken constraints one after the other, within the ranges (the method of Kaczmarz for
 // inequalities: Agmon 1954). Converges where the constraints are linear and can be kept together.
 void Repair(const Definition& definition, const std::vector<bool>& fixed, std::vector<double>& x) {
+  std::vector<double> values = Evaluate(definition.program, x);
   for (int round = 0; round < kMaxRounds; ++round) {
     bool all_kept = true;
     for (std::size_t c = 0; c < definition.constraints.size(); ++c) {
+      // Derivatives are dear, and most constraints are kept.
+      const double off = values[std::size_t(definition.constraints[c].left)] -
+                         values[std::size_t(definition.constraints[c].right)];
+      if (!(off > 0) && !(definition.constraints[c].equal && off < 0)) continue;
       const ConstraintGap gap =
           GapOf(definition.constraints[c], static_cast<int>(c), EvaluateDual(definition.program, x));
       if (!(gap.distance_mm > kKept_mm)) continue;
@@ -52,6 +57,7 @@ void Repair(const Definition& definition, const std::vector<bool>& fixed, std::v
       const double length = (gap.distance_mm + kKept_mm) / norm2;
       for (std::size_t i = 0; i < x.size(); ++i)
         x[i] = Clamp(x[i] - length * step[i], definition.dimensions[i]);
+      values = Evaluate(definition.program, x);
     }
     if (all_kept) return;
   }
