@@ -21,6 +21,8 @@ constexpr double kEndTolerancePx = 4;
 // How far (in pixels) the edges of a seed may miss its world lines.
 constexpr double kSeedTolerancePx = 1.5;
 constexpr int kMaxPeaks = 7;
+// With every open dimension as usual, or as picked: the seed's own edges are not there.
+constexpr double kHopeless = -10;
 // A voted value must beat the usual one by this: it was picked among several, one of which fits by chance.
 constexpr double kPicked = 8;
 
@@ -112,6 +114,23 @@ bool Allowed(const PlacedObject& o) {
   return true;
 }
 
+// Equal to within half a pixel, vertex by vertex in any order.
+bool SamePlace(const PlacedObject& a, const PlacedObject& b, double mm_per_px) {
+  const double near = 0.5 * mm_per_px;
+  if ((a.placement.head<2>() - b.placement.head<2>()).norm() > near) return false;
+  const WorldSolid sa = PlaceSolid(a, false), sb = PlaceSolid(b, false);
+  for (const auto& v : sa.vertices) {
+    bool found = false;
+    for (const auto& w : sb.vertices) found |= (v.point - w.point).squaredNorm() < near * near;
+    if (!found) return false;
+  }
+  for (std::size_t i = 0; i < sa.circles.size(); ++i)
+    if (std::abs(sa.circles[i].radius_mm - sb.circles[i].radius_mm) > near ||
+        (sa.circles[i].center.point - sb.circles[i].center.point).norm() > near)
+      return false;
+  return true;
+}
+
 class Seeder {
  public:
   Seeder(const KindTemplate& kind, const SeedContext& context, double support_z)
@@ -130,23 +149,24 @@ class Seeder {
   }
 
   // The best completions of a seed.
-  std::vector<Hypothesis> Finish(Hypothesis h, double min_log_odds) const {
-    constexpr double kHopeless =
-        -10;  // with every open dimension as usual: the seed's own edges are not there
+  std::vector<Completion> Complete(Hypothesis h) const {
     h.views = ViewsThatSee(PlaceSolid(h.object, false), context_.scene.views, context_.max_views);
     if (h.views.empty()) return {};
     if (!kind_.rims.empty() && !kind_.pairs.empty() && !CompleteRims(h, h.views)) return {};
     if (Score(h.object, h.views) < kHopeless) return {};
-    std::vector<Hypothesis> out;
-    for (const auto& [object, known] : CompleteDimensions(h)) {
-      Hypothesis candidate = h;
-      candidate.object = object;
-      if (Score(object, h.views) < kHopeless) continue;
-      RefineAndWeigh(candidate, context_);
-      Settle(candidate, known);
-      if (candidate.log_odds >= min_log_odds) out.push_back(std::move(candidate));
-    }
+    std::vector<Completion> out = CompleteDimensions(h);
+    std::erase_if(out, [&](Completion& c) {
+      c.h.log_odds = Score(c.h.object, h.views);
+      return c.h.log_odds < kHopeless;
+    });
     return out;
+  }
+
+  Hypothesis Finish(const Completion& completion) const {
+    Hypothesis h = completion.h;
+    RefineAndWeigh(h, context_);
+    Settle(h, completion.known);
+    return h;
   }
 
  private:
@@ -171,6 +191,19 @@ class Seeder {
     return std::min(hi, a.Length()) - std::max(lo, 0.0) > 0.3 * std::min(hi - lo, a.Length());
   }
 
+  // Do the dimensions' ranges allow the level lines' distance and height?
+  bool MayFit(const KindTemplate::Pair& pair, const WorldLine& a, const WorldLine& b) const {
+    const double slack = 2 * kSeedTolerancePx * context_.mm_per_px;
+    auto within = [&](const Eigen::AlignedBox1d& range, double x) {
+      return x > range.min().x() - slack && x < range.max().x() + slack;
+    };
+    const Vector3d offset = (b.start + b.end - a.start - a.end) / 2;
+    const Vector2d u = a.Unit().head<2>().normalized();
+    const double left = u.x() * offset.y() - u.y() * offset.x();  // the line may be the edge either way round
+    return (within(pair.left, left) || within(pair.left, -left)) && within(pair.above, offset.z()) &&
+           within(pair.height, (a.start.z() + a.end.z()) / 2 - support_z_);
+  }
+
   // `a` for the pair's first edge, `b` for its second.
   void FromPair(const KindTemplate::Pair& pair, const WorldLine& a, const WorldLine& b) {
     if (pair.level) {
@@ -184,6 +217,7 @@ class Seeder {
         EdgeDirection(usual_solid_, usual_solid_.edges[std::size_t(pair.second)]).normalized();
     const bool inclined = std::abs(first.z()) > 0.05;
     if (inclined != (a.kind == WorldLine::Direction::kInclined)) return;
+    if (!inclined && !MayFit(pair, a, b)) return;
     Vector3d unit = a.Unit();
     if (inclined && (unit.z() > 0) != (first.z() > 0)) unit = -unit;
     // Extents along `unit`, from a.start.
@@ -372,7 +406,7 @@ class Seeder {
     h.second_line = second_line_;
     if (!Allowed(h.object)) return;
     for (const auto& other : seeds_)
-      if (other.determined == h.determined && SamePlace(other.object, h.object)) return;
+      if (other.determined == h.determined && SamePlace(other.object, h.object, context_.mm_per_px)) return;
     seeds_.push_back(std::move(h));
   }
 
@@ -413,23 +447,6 @@ class Seeder {
   }
 
   static double PriorSigma(const DimensionDef& d) { return std::max(10.0, (d.max_mm - d.min_mm) / 4); }
-
-  // Equal to within half a pixel, vertex by vertex in any order.
-  bool SamePlace(const PlacedObject& a, const PlacedObject& b) const {
-    const double near = 0.5 * context_.mm_per_px;
-    if ((a.placement.head<2>() - b.placement.head<2>()).norm() > near) return false;
-    const WorldSolid sa = PlaceSolid(a, false), sb = PlaceSolid(b, false);
-    for (const auto& v : sa.vertices) {
-      bool found = false;
-      for (const auto& w : sb.vertices) found |= (v.point - w.point).squaredNorm() < near * near;
-      if (!found) return false;
-    }
-    for (std::size_t i = 0; i < sa.circles.size(); ++i)
-      if (std::abs(sa.circles[i].radius_mm - sb.circles[i].radius_mm) > near ||
-          (sa.circles[i].center.point - sb.circles[i].center.point).norm() > near)
-        return false;
-    return true;
-  }
 
   // Roughly: to choose among candidates.
   double Score(const PlacedObject& o, const std::vector<int>& views) const {
@@ -582,10 +599,6 @@ class Seeder {
   }
 
   // Dimensions that the seed left open, one after the other, the best few combinations kept (beam search).
-  struct Completion {
-    PlacedObject object;
-    std::vector<bool> known;  // dimensions told by the seed or picked
-  };
   std::vector<Completion> CompleteDimensions(const Hypothesis& h) const {
     constexpr std::size_t kBeam = 4, kRefined = 2;
     constexpr int kPasses = 2;  // the second sees the later dimensions where they belong
@@ -631,8 +644,11 @@ class Seeder {
         beam = std::move(next);
       }
     std::vector<Completion> best;
-    for (const State& state : beam)
-      if (best.size() < kRefined) best.push_back({state.object, state.known});
+    for (const State& state : beam) {
+      if (best.size() == kRefined) break;
+      best.push_back({h, state.known});
+      best.back().h.object = state.object;
+    }
     return best;
   }
 
@@ -684,6 +700,67 @@ class Seeder {
 
 }  // namespace
 
+namespace {
+
+// Left of, above, and height of the pair's edges over the dimensions' ranges.
+void SetRanges(const ObjectModel& model, int rest, KindTemplate::Pair& pair) {
+  const auto defs = model.dimensions();
+  const int n = int(defs.size());
+  struct Place {
+    Vector3d value;            // left, above, height
+    Eigen::Matrix3Xd by_dimension;
+  };
+  PlacedObject object = UsualObject(model, rest);
+  auto place = [&]() {
+    const WorldSolid solid = PlaceSolid(object);
+    const auto &a = solid.edges[std::size_t(pair.first)], &b = solid.edges[std::size_t(pair.second)];
+    const auto& from = solid.vertices[std::size_t(a.start)];
+    const auto& to = solid.vertices[std::size_t(b.start)];
+    const Vector2d u = EdgeDirection(solid, a).head<2>().normalized();
+    Eigen::Matrix3d m = Eigen::Matrix3d::Zero();  // of the offset
+    m.row(0) << -u.y(), u.x(), 0;
+    m(1, 2) = 1;
+    Place p;
+    p.value = m * (to.point - from.point);
+    p.value.z() = from.point.z();
+    p.by_dimension = (m * (to.by_state - from.by_state)).rightCols(n);
+    p.by_dimension.row(2) = from.by_state.row(2).tail(n);
+    return p;
+  };
+  const Place usual = place();
+  const std::vector<double> usual_mm = object.dimensions_mm;
+  auto set = [&](const Vector3d& lo, const Vector3d& hi) {
+    Eigen::AlignedBox1d* ranges[] = {&pair.left, &pair.above, &pair.height};
+    for (int k = 0; k < 3; ++k)
+      *ranges[k] = Eigen::AlignedBox1d(Eigen::Matrix<double, 1, 1>(lo[k]), Eigen::Matrix<double, 1, 1>(hi[k]));
+  };
+  // Linear? The same derivatives at both ends of every range.
+  bool linear = true;
+  for (int i = 0; i < n && linear; ++i)
+    for (double end : {defs[std::size_t(i)].min_mm, defs[std::size_t(i)].max_mm}) {
+      object.dimensions_mm = usual_mm;
+      object.dimensions_mm[std::size_t(i)] = end;
+      const Place other = place();
+      linear &= other.by_dimension.allFinite() &&
+                (other.by_dimension - usual.by_dimension).cwiseAbs().maxCoeff() < 1e-6;
+    }
+  if (!linear) {
+    set(Vector3d::Constant(-INFINITY), Vector3d::Constant(INFINITY));
+    return;
+  }
+  Vector3d lo = usual.value, hi = usual.value;
+  for (int i = 0; i < n; ++i) {
+    const double down = defs[std::size_t(i)].min_mm - usual_mm[std::size_t(i)],
+                 up = defs[std::size_t(i)].max_mm - usual_mm[std::size_t(i)];
+    const Vector3d j = usual.by_dimension.col(i);
+    lo += (j * down).cwiseMin(j * up);
+    hi += (j * down).cwiseMax(j * up);
+  }
+  set(lo, hi);
+}
+
+}  // namespace
+
 std::vector<KindTemplate> MakeTemplates(const KnowledgeBase& knowledge) {
   std::vector<KindTemplate> out;
   for (const auto& model : knowledge.objects) {
@@ -725,7 +802,9 @@ std::vector<KindTemplate> MakeTemplates(const KnowledgeBase& knowledge) {
           const bool level =
               std::abs(va.point.z() - vb.point.z()) < 1e-6 &&
               (va.by_state.row(2) - vb.by_state.row(2)).tail(int(model->dimensions().size())).norm() < 1e-9;
-          t.pairs.push_back({int(i), int(k), same, same && level});
+          KindTemplate::Pair pair{int(i), int(k), same, same && level, {}, {}, {}};
+          SetRanges(*model, int(rest), pair);
+          t.pairs.push_back(pair);
         }
       for (std::size_t i = 0; i < solid.circles.size(); ++i)
         if (above(solid.circles[i].plane_face)) t.rims.push_back(int(i));
@@ -752,9 +831,25 @@ double RoughScore(const Hypothesis& seed, const SeedContext& context) {
       .log_odds;
 }
 
-std::vector<Hypothesis> Complete(const KindTemplate& kind, const SeedContext& context, const Hypothesis& seed,
-                                 double min_log_odds) {
-  return Seeder(kind, context, seed.object.placement[2]).Finish(seed, min_log_odds);
+std::vector<Completion> Complete(const KindTemplate& kind, const SeedContext& context,
+                                 const Hypothesis& seed) {
+  return Seeder(kind, context, seed.object.placement[2]).Complete(seed);
+}
+
+Hypothesis Finish(const KindTemplate& kind, const SeedContext& context, const Completion& completion) {
+  return Seeder(kind, context, completion.h.object.placement[2]).Finish(completion);
+}
+
+std::vector<Completion> Distinct(std::vector<Completion> completions, double mm_per_px) {
+  std::stable_sort(completions.begin(), completions.end(),
+                   [](const Completion& a, const Completion& b) { return a.h.log_odds > b.h.log_odds; });
+  std::vector<Completion> out;
+  for (auto& c : completions)
+    if (std::none_of(out.begin(), out.end(), [&](const Completion& o) {
+          return o.known == c.known && SamePlace(o.h.object, c.h.object, mm_per_px);
+        }))
+      out.push_back(std::move(c));
+  return out;
 }
 
 std::optional<Hypothesis> Reseat(const Hypothesis& hypothesis, const SeedContext& context,

@@ -5,6 +5,7 @@
 // (the vertices of an extruded solid are linear in them); dimensions that it leaves open are voted for by all
 // lines of all pictures.
 #pragma once
+#include <Eigen/Geometry>
 #include <optional>
 #include <span>
 #include <vector>
@@ -34,6 +35,9 @@ struct KindTemplate {
     int first, second;  // edges, parallel, of one face seen from above
     bool same_extent;   // their ends lie side by side whatever the dimensions
     bool level;         // and at one height
+    // What the dimensions' ranges allow, mm: how far the second lies from the first, to its left and above, and
+    // the first above the support. Unbounded where that is not linear in the dimensions.
+    Eigen::AlignedBox1d left, above, height;
   };
   std::vector<Pair> pairs;
   std::vector<int> rims;  // circles of a face seen from above
@@ -57,9 +61,19 @@ std::vector<Hypothesis> Seeds(const KindTemplate& kind, const SeedContext& conte
 // How well a seed with its open dimensions as usual fits the lines: to choose which to complete.
 double RoughScore(const Hypothesis& seed, const SeedContext& context);
 
-// Completes the open dimensions of a seed, refines and weighs: the best few, those above `min_log_odds`.
-std::vector<Hypothesis> Complete(const KindTemplate& kind, const SeedContext& context, const Hypothesis& seed,
-                                 double min_log_odds);
+// A seed with its open dimensions picked.
+struct Completion {
+  Hypothesis h;             // log_odds: roughly
+  std::vector<bool> known;  // dimensions told by the seed or picked
+};
+// The best few ways to complete a seed.
+std::vector<Completion> Complete(const KindTemplate& kind, const SeedContext& context,
+                                 const Hypothesis& seed);
+// Many seeds complete to one object: of those that agree to within half a pixel in every corner, and in what
+// is known of them, the best.
+std::vector<Completion> Distinct(std::vector<Completion> completions, double mm_per_px);
+// Fits and weighs a completion.
+Hypothesis Finish(const KindTemplate& kind, const SeedContext& context, const Completion& completion);
 
 // The object lifted from its support onto one at `support_z_mm`, its contours above that staying where they
 // are as far as its dimensions allow; empty where the dimensions' ranges forbid it.

@@ -240,19 +240,31 @@ class SceneSolver {
     std::vector<std::pair<std::size_t, Hypothesis>> seeds;  // template, seed
     for (std::size_t i = 0; i < templates_.size(); ++i)
       for (auto& h : Promising(std::move(by_template[i]), context)) seeds.push_back({i, std::move(h)});
-    std::vector<std::vector<Hypothesis>> finished(seeds.size());
-    std::atomic<int> done{0};
+    std::vector<std::vector<Completion>> completed(seeds.size());
     ParallelFor(seeds.size(), threads_, [&](std::size_t i) {
-      if (progress_.Cancelled()) return;
-      const double least = options_.accept_log_odds - MostOfRelations(*templates_[seeds[i].first].model);
-      finished[i] = Complete(templates_[seeds[i].first], context, seeds[i].second, least);
-      for (auto& h : finished[i]) WeighInAllViews(h, context);
-      progress_.Report("hypotheses", ++done, int(seeds.size()));
+      if (!progress_.Cancelled()) completed[i] = Complete(templates_[seeds[i].first], context, seeds[i].second);
     });
-    for (auto& list : finished)
-      for (auto& h : list)
-        if (h.log_odds >= options_.accept_log_odds - MostOfRelations(*h.object.model))
-          Keep(std::move(h), support);
+    std::vector<std::vector<Completion>> of_template(templates_.size());
+    for (std::size_t i = 0; i < seeds.size(); ++i)
+      for (auto& c : completed[i]) of_template[seeds[i].first].push_back(std::move(c));
+    std::vector<std::pair<std::size_t, Completion>> distinct;
+    for (std::size_t t = 0; t < templates_.size(); ++t)
+      for (auto& c : Distinct(std::move(of_template[t]), mm_per_px_)) distinct.push_back({t, std::move(c)});
+    std::vector<std::optional<Hypothesis>> finished(distinct.size());
+    std::atomic<int> done{0};
+    ParallelFor(distinct.size(), threads_, [&](std::size_t i) {
+      if (progress_.Cancelled()) return;
+      const KindTemplate& kind = templates_[distinct[i].first];
+      const double least = options_.accept_log_odds - MostOfRelations(*kind.model);
+      Hypothesis h = Finish(kind, context, distinct[i].second);
+      if (h.log_odds >= least) {
+        WeighInAllViews(h, context);
+        if (h.log_odds >= least) finished[i] = std::move(h);
+      }
+      progress_.Report("hypotheses", ++done, int(distinct.size()));
+    });
+    for (auto& h : finished)
+      if (h) Keep(std::move(*h), support);
   }
 
   // A plate on which something stands upright shows as two, one on either side: of two of one kind and height
@@ -316,7 +328,9 @@ class SceneSolver {
     for (const auto& t : templates_) {
       if (t.model != half.model || t.resting_pose != half.resting_pose) continue;
       for (const auto& seed : Promising(Seeds(t, context, half.placement[2]), context))
-        for (auto& h : Complete(t, context, seed, options_.accept_log_odds)) {
+        for (const auto& completion : Complete(t, context, seed)) {
+          Hypothesis h = Finish(t, context, completion);
+          if (h.log_odds < options_.accept_log_odds) continue;
           WeighInAllViews(h, context);
           const auto box = MakeVolume(PlaceSolid(h.object, false)).box;
           if (h.log_odds >= options_.accept_log_odds && box.contains(first.center()) &&
