@@ -4,9 +4,11 @@
 //
 //   accuracy_scenes OUT [--scenes N] [--first SEED] [--threads N] [--layout mixed|panel|stacked|round|bare]
 //   [--clutter | --tidy]
-//                   [--parts N] [--min-thickness MM] [--without KIND] [--keep all|failed|none] [--set
-//                   NAME=VALUE]...
+//                   [--parts N] [--min-thickness MM] [--without KIND] [--ablate scene|contact|top-down]
+//                   [--keep all|failed|none] [--set NAME=VALUE]...
 //
+// --ablate: identification does without the decision over the whole scene, without what parts say of each
+// other where they touch, or without the search for more once parts are known.
 // --without: the knowledge base lacks this kind, and the parts of it count as none. --keep failed (the
 // default): the survey folders of scenes with a missed or an invented part stay in OUT/scene-SEED, with their
 // result in out/.
@@ -38,7 +40,7 @@ struct Arguments {
   fs::path out;
   int scenes = 200, threads = 2;
   std::uint64_t first = 1;
-  std::string without, keep = "failed";
+  std::string without, ablate, keep = "failed";
   RandomSceneOptions options;
   std::vector<std::pair<std::string, double>> settings;
   std::string said;  // what decides the result, as one line
@@ -81,7 +83,11 @@ Arguments Parse(int argc, char** argv) {
       a.said += s + " " + next() + " ", a.options.min_thickness_mm = std::stod(argv[i]);
     else if (s == "--without")
       a.said += s + " " + next() + " ", a.without = argv[i];
-    else if (s == "--set") {
+    else if (s == "--ablate") {
+      a.said += s + " " + next() + " ", a.ablate = argv[i];
+      if (a.ablate != "scene" && a.ablate != "contact" && a.ablate != "top-down")
+        Stop("--ablate knows scene, contact and top-down, not " + a.ablate);
+    } else if (s == "--set") {
       const std::string v = next();
       const auto at = v.find('=');
       if (at == std::string::npos) Stop("--set needs NAME=VALUE, got " + v);
@@ -161,6 +167,9 @@ Result<Json> RunScene(const Arguments& a, std::uint64_t seed, const KnowledgeBas
   const double rendered = CpuSeconds();
   VSS_ASSIGN(const Survey survey, ReadSurvey(folder));
   SurveyOptions survey_options;
+  survey_options.identify.scene_level = a.ablate != "scene";
+  survey_options.identify.contact = a.ablate != "contact";
+  survey_options.identify.top_down = a.ablate != "top-down";
   for (const auto& [name, value] : a.settings)
     VSS_RETURN_IF_ERROR(SetSurveyParameter(name, value, survey_options));
   survey_options.threads = 1;

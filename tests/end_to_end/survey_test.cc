@@ -224,5 +224,26 @@ TEST(Program, SaysTwoForWrongUsage) {
   EXPECT_FALSE(fs::exists(out));
 }
 
+TEST(Identify, FindsABoxInASinglePicture) {
+  const Scratch scratch;
+  const Outcome outcome = RunProgram(
+      scratch, {"identify", (kSample / "images" / "x04000_y02400_cam3.png").string(), "--camera",
+                (kSample / "cameras" / "cam3.toml").string(), "--gantry", "4000", "2400", "0", "--knowledge", "box", "--json"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto product = nlohmann::json::parse(outcome.out);
+  const auto truth = nlohmann::json::parse(ReadAll(kSample / "truth.json"))["parts"][1];  // the tall box
+  bool found = false;
+  for (const auto& part : product["parts"]) {
+    if (part["kind"] != "box") continue;
+    double worst = 0;
+    for (const char* name : {"length", "width", "height"})
+      worst = std::max(worst, std::abs(part["dimensions"][name]["value"].get<double>() -
+                                       truth["dims"][name].get<double>()));
+    found |= worst < 10 && std::hypot(part["pose"]["position"][0].get<double>() - truth["pose"]["x"].get<double>(),
+                                      part["pose"]["position"][1].get<double>() - truth["pose"]["y"].get<double>()) < 10;
+  }
+  EXPECT_TRUE(found) << outcome.out;
+}
+
 }  // namespace
 }  // namespace vss

@@ -50,11 +50,14 @@ std::optional<EdgeResponse> Respond(const GreyView& picture, const Vector2d& mid
   }
   EdgeResponse best;
   for (int o = -reach; o <= reach; ++o) {
-    double step = 0;
-    for (int k = 1; k <= kSidePoints; ++k)
-      step += profile[std::size_t(o + k + kMaxHalf)] - profile[std::size_t(o - k + kMaxHalf)];
-    step /= kSidePoints * along;
-    if (std::abs(step) > std::abs(best.step)) best = {step, o * kStepPx};
+    double plus = 0, minus = 0;
+    for (int k = 1; k <= kSidePoints; ++k) {
+      plus += profile[std::size_t(o + k + kMaxHalf)];
+      minus += profile[std::size_t(o - k + kMaxHalf)];
+    }
+    const double step = (plus - minus) / (kSidePoints * along);
+    if (std::abs(step) > std::abs(best.step))
+      best = {step, o * kStepPx, std::max(plus, minus) / (kSidePoints * along)};
   }
   return best;
 }

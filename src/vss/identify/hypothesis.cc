@@ -1,6 +1,7 @@
 #include "vss/identify/hypothesis.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
@@ -131,6 +132,55 @@ bool SamePlace(const PlacedObject& a, const PlacedObject& b, double mm_per_px) {
   return true;
 }
 
+// How far to go along `direction` (of the state), between `least` and `most`, for predicted contours to meet lines
+// of many pictures: the best few.
+std::vector<double> VoteAlong(const PlacedObject& o, const Eigen::VectorXd& direction, double least, double most,
+                              std::span<const int> views, const SceneIndex& scene) {
+  const WorldSolid solid = PlaceSolid(o);
+  std::vector<std::pair<double, double>> votes;  // how far, weight
+  const ContourSampling sampling{
+      .spacing_px = 12, .min_samples = 2, .max_samples = 8, .img = false, .visibility = false};
+  for (int v : views) {
+    const View& view = scene.views[std::size_t(v)];
+    for (const auto& s : SampleContour(solid, view, sampling)) {
+      const Vector3d motion = SampleByState(solid, s) * direction;
+      if (motion.squaredNorm() < 1e-4) continue;
+      const auto ahead = view.ProjectIdeal(s.point_in_world + motion);
+      if (!ahead) continue;
+      const Vector2d step = *ahead - s.ideal;  // px per unit of the way
+      const Vector2d normal(-s.ideal_tangent.y(), s.ideal_tangent.x());
+      const double across = step.dot(normal);
+      if (std::abs(across) < 0.2 / scene.mm_per_px) continue;
+      scene.lines[std::size_t(v)].ForParallel(s.ideal_tangent, [&](const ViewLine& l) {
+        const double far = (l.start - s.ideal).dot(l.normal) / step.dot(l.normal);
+        if (!(far >= least && far <= most)) return;
+        const double along = (s.ideal + far * step - l.start).dot(l.direction);
+        if (along < -1 || along > l.length_px + 1) return;
+        votes.push_back({far, std::abs(across) * scene.mm_per_px});
+      });
+    }
+  }
+  std::sort(votes.begin(), votes.end());
+  std::vector<double> prefix(votes.size() + 1);
+  for (std::size_t i = 0; i < votes.size(); ++i) prefix[i + 1] = prefix[i] + votes[i].second;
+  const double width = 1.0 * scene.mm_per_px;
+  std::vector<std::pair<double, double>> windows;  // weight, how far
+  for (std::size_t i = 0, j = 0; i < votes.size(); ++i) {
+    while (j < votes.size() && votes[j].first <= votes[i].first + width) ++j;
+    windows.push_back({prefix[j] - prefix[i], votes[(i + j - 1) / 2].first});
+  }
+  std::stable_sort(windows.begin(), windows.end(),
+                   [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<double> peaks;
+  for (const auto& w : windows) {
+    if (int(peaks.size()) == kMaxPeaks) break;
+    const bool near = std::any_of(peaks.begin(), peaks.end(),
+                                  [&](double p) { return std::abs(p - w.second) < 1.5 * width; });
+    if (!near) peaks.push_back(w.second);
+  }
+  return peaks;
+}
+
 class Seeder {
  public:
   Seeder(const KindTemplate& kind, const SeedContext& context, double support_z)
@@ -172,9 +222,10 @@ class Seeder {
  private:
   void FromPairs() {
     const auto lines = context_.lines;
+    const int least = context_.scene.views.size() > 1 ? 5 : 2;  // two pictures agree on many a line of texture
     for (std::size_t i = 0; i < lines.size(); ++i) {
       for (std::size_t k = 0; k < lines.size(); ++k) {
-        if (i == k || lines[i].num_views + lines[k].num_views < 5 || !MayPair(lines[i], lines[k])) continue;
+        if (i == k || lines[i].num_views + lines[k].num_views < least || !MayPair(lines[i], lines[k])) continue;
         first_line_ = int(i);
         second_line_ = int(k);
         for (const auto& pair : kind_.pairs) FromPair(pair, lines[i], lines[k]);
@@ -184,6 +235,7 @@ class Seeder {
 
   static bool MayPair(const WorldLine& a, const WorldLine& b) {
     if (a.kind == WorldLine::Direction::kVertical || b.kind == WorldLine::Direction::kVertical) return false;
+    if (a.start == a.end || b.start == b.end) return false;
     const Vector3d u = a.Unit();
     if (u.cross(b.Unit()).norm() > kMaxSkew) return false;
     double lo = (b.start - a.start).dot(u), hi = (b.end - a.start).dot(u);
@@ -464,58 +516,18 @@ class Seeder {
   // lines.
   std::vector<double> Vote(const PlacedObject& o, std::size_t d, const Hypothesis& seed) const {
     const auto& def = o.model->dimensions()[d];
-    const Eigen::VectorXd direction = seed.open_direction.col(int(d));
-    const WorldSolid solid = PlaceSolid(o);
-    std::vector<std::pair<double, double>> votes;  // value, weight
-    const ContourSampling sampling{
-        .spacing_px = 12, .min_samples = 2, .max_samples = 8, .img = false, .visibility = false};
-    for (int v : seed.views) {
-      const View& view = context_.scene.views[std::size_t(v)];
-      for (const auto& s : SampleContour(solid, view, sampling)) {
-        const Vector3d motion = SampleByState(solid, s) * direction;
-        if (motion.squaredNorm() < 1e-4) continue;
-        const auto ahead = view.ProjectIdeal(s.point_in_world + motion);
-        if (!ahead) continue;
-        const Vector2d step = *ahead - s.ideal;  // px per mm of the dimension
-        const Vector2d normal(-s.ideal_tangent.y(), s.ideal_tangent.x());
-        const double across = step.dot(normal);
-        if (std::abs(across) < 0.2 / context_.mm_per_px) continue;
-        context_.scene.lines[std::size_t(v)].ForParallel(s.ideal_tangent, [&](const ViewLine& l) {
-          const double delta = (l.start - s.ideal).dot(l.normal) / step.dot(l.normal);
-          const double value = o.dimensions_mm[d] + delta;
-          if (!(value >= def.min_mm && value <= def.max_mm)) return;
-          const double along = (s.ideal + delta * step - l.start).dot(l.direction);
-          if (along < -1 || along > l.length_px + 1) return;
-          votes.push_back({value, std::abs(across) * context_.mm_per_px});
-        });
-      }
-    }
-    std::sort(votes.begin(), votes.end());
-    std::vector<double> prefix(votes.size() + 1);
-    for (std::size_t i = 0; i < votes.size(); ++i) prefix[i + 1] = prefix[i] + votes[i].second;
-    const double width = 1.0 * context_.mm_per_px;
-    std::vector<std::pair<double, double>> windows;  // weight, value
-    for (std::size_t i = 0, j = 0; i < votes.size(); ++i) {
-      while (j < votes.size() && votes[j].first <= votes[i].first + width) ++j;
-      windows.push_back({prefix[j] - prefix[i], votes[(i + j - 1) / 2].first});
-    }
-    std::stable_sort(windows.begin(), windows.end(),
-                     [](const auto& a, const auto& b) { return a.first > b.first; });
-    std::vector<double> peaks;
-    for (const auto& w : windows) {
-      if (int(peaks.size()) == kMaxPeaks) break;
-      const bool near = std::any_of(peaks.begin(), peaks.end(),
-                                    [&](double p) { return std::abs(p - w.second) < 1.5 * width; });
-      if (!near) peaks.push_back(w.second);
-    }
-    return peaks;
+    std::vector<double> values =
+        VoteAlong(o, seed.open_direction.col(int(d)), def.min_mm - o.dimensions_mm[d],
+                  def.max_mm - o.dimensions_mm[d], seed.views, context_.scene);
+    for (double& v : values) v += o.dimensions_mm[d];
+    return values;
   }
 
   // Values of dimension `d` at which an upright face of the object comes to lie on one of a part that is
   // known: what is welded touches.
   std::vector<double> Contacts(const PlacedObject& o, std::size_t d, const Hypothesis& seed) const {
     std::vector<double> values;
-    if (!context_.others) return values;
+    if (!context_.others || !context_.contact) return values;
     const auto& def = o.model->dimensions()[d];
     const WorldSolid solid = PlaceSolid(o);
     const double slack_mm = 2 * context_.mm_per_px;
@@ -962,6 +974,64 @@ void RefineAndWeigh(Hypothesis& h, const SeedContext& context) {
     h.object = fitted;
   }
   RefineLean(h, context, weigh);
+}
+
+std::vector<Hypothesis> Slides(const Hypothesis& hypothesis, const SeedContext& context) {
+  constexpr int kMost = 3;        // ways
+  constexpr double kWeak = 0.3;   // px^2 per mm^2: what some ten samples on lines tell
+  constexpr double kFarMm = 400;  // an end is not lost further
+  constexpr int kRefined = 2;     // of each way
+  std::vector<bool> free(std::size_t(hypothesis.object.StateSize()), true);
+  free[2] = free[4] = free[5] = false;
+  PlacedObject unmoved = hypothesis.object;
+  const double tolerance = context.scene.tolerance_px;
+  const FitToLinesResult fit =
+      FitToLines(unmoved, hypothesis.views, context.scene, free, tolerance, tolerance, 1, context.others);
+  if (fit.information.size() == 0) return {};
+  // In mm: a turn by what it moves the ends.
+  double reach = 1;
+  for (const auto& v : PlaceSolid(hypothesis.object, false).vertices)
+    reach = std::max(reach, (v.point - hypothesis.object.placement.head<3>()).norm());
+  std::vector<int> states;
+  Eigen::VectorXd scale = Eigen::VectorXd::Ones(hypothesis.object.StateSize());
+  scale[3] = 1 / reach;
+  for (int i = 0; i < int(free.size()); ++i)
+    if (free[std::size_t(i)]) states.push_back(i);
+  const int n = int(states.size());
+  Eigen::MatrixXd a(n, n);
+  for (int i = 0; i < n; ++i)
+    for (int k = 0; k < n; ++k)
+      a(i, k) = fit.information(states[std::size_t(i)], states[std::size_t(k)]) * scale[states[std::size_t(i)]] *
+                scale[states[std::size_t(k)]];
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(a);
+  std::vector<Hypothesis> out;
+  for (int way = 0; way < std::min(n, kMost) && solver.eigenvalues()[way] < kWeak; ++way) {
+    Eigen::VectorXd direction = Eigen::VectorXd::Zero(hypothesis.object.StateSize());
+    for (int i = 0; i < n; ++i)
+      direction[states[std::size_t(i)]] = solver.eigenvectors()(i, way) * scale[states[std::size_t(i)]];
+    const double largest = direction.tail(direction.size() - kPlacementSize).cwiseAbs().maxCoeff();
+    if (largest < 0.1) continue;  // it moves as a whole
+    direction /= largest;
+    std::vector<Hypothesis> better;
+    for (double far : VoteAlong(hypothesis.object, direction, -kFarMm, kFarMm, hypothesis.views, context.scene)) {
+      Hypothesis h = hypothesis;
+      h.object.SetState(hypothesis.object.State() + far * direction);
+      if (!InRange(h.object, 0) || !Allowed(h.object)) continue;
+      h.log_odds = Weigh(PlaceSolid(h.object, false), h.views, context.scene,
+                         {.grey = true, .prior_log_odds = PriorLogOdds(h.object, context.mm_per_px)},
+                         context.others, context.claims)
+                       .Score();
+      better.push_back(std::move(h));
+    }
+    std::stable_sort(better.begin(), better.end(),
+                     [](const Hypothesis& x, const Hypothesis& y) { return x.log_odds > y.log_odds; });
+    if (int(better.size()) > kRefined) better.resize(kRefined);
+    for (auto& h : better) {
+      RefineAndWeigh(h, context);
+      if (h.log_odds > hypothesis.log_odds) out.push_back(std::move(h));
+    }
+  }
+  return out;
 }
 
 }  // namespace vss

@@ -52,6 +52,7 @@ struct SeedContext {
   int max_views = 14;                 // per weighing
   const Occluders* others = nullptr;  // parts that are known already
   const Claims* claims = nullptr;     // and the lines that they explain
+  bool contact = true;                // may a dimension end where the object touches them?
 };
 
 // Seeds of one template on a support at height `support_z_mm`: placed, with the dimensions that the seed
@@ -82,5 +83,9 @@ std::optional<Hypothesis> Reseat(const Hypothesis& hypothesis, const SeedContext
 
 // Fits the object to the lines (z and tilt held) where that explains more, and weighs it.
 void RefineAndWeigh(Hypothesis& hypothesis, const SeedContext& context);
+
+// What a hypothesis becomes where it slides along its own lines, as they allow without moving off them (an end
+// that is not where it was thought to be), to where further contours meet lines: those that explain more.
+std::vector<Hypothesis> Slides(const Hypothesis& hypothesis, const SeedContext& context);
 
 }  // namespace vss

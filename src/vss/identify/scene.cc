@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <numeric>
 #include <optional>
@@ -67,12 +68,14 @@ class SceneSolver {
     Select();
     // What the parts found so far hide or explain is known now: the rest of the lines once more, on the
     // ground and on all tops.
-    for (int round = 0; round < kMaxRounds && !progress_.Cancelled(); ++round) {
+    for (int round = 0; round < kMaxRounds && options_.top_down && !progress_.Cancelled(); ++round) {
       const std::vector<int> known = accepted_;
       const Known around = Explained(known);
       changed_ = false;
+      SlideAccepted();
       AddHypotheses(kGround, around);
-      for (int support : known) AddHypotheses(support, around);
+      if (options_.contact)
+        for (int support : known) AddHypotheses(support, around);
       JoinPlates();
       if (!changed_) break;
       ReseatOnPlates();
@@ -129,6 +132,9 @@ class SceneSolver {
   // Parts touch that are no farther apart than places are unsure by before reconstruction; what relations ask
   // about is not farther than this.
   static constexpr double kSlackPx = 1.5, kReachPx = 40;
+  // Of one picture: from height to height a contour moves by no more than the fit to lines catches; nothing that
+  // is higher than this share of the camera's height is looked for.
+  static constexpr double kHeightStepPx = 6, kMostOfEye = 0.25;
   static constexpr int kMaxRounds = 4;  // what stands on what stands on what stands on the ground
 
   // What accepted parts hide and which lines they explain.
@@ -174,6 +180,8 @@ class SceneSolver {
     if (agreement <= 0) return scene_.sigma_px;
     return std::clamp(kOfAgreement * agreement, kLeastShare * scene_.tolerance_px, scene_.sigma_px);
   }
+
+  bool IsSinglePicture() const { return views_.size() == 1; }
 
   SeedContext Context() const { return {scene_, lines_, circles_, mm_per_px_, 12}; }
 
@@ -229,14 +237,38 @@ class SceneSolver {
     if (!known.claims.empty()) {
       context.others = &known.others;
       context.claims = &known.claims;
+      context.contact = options_.contact;
     }
     std::vector<std::vector<Hypothesis>> by_template(templates_.size());
-    ParallelFor(templates_.size(), threads_, [&](std::size_t i) {
-      // How a part lies less often is asked only of lines that nothing else explains.
-      if (!templates_[i].model->MayStandOn(on) || (templates_[i].resting_pose > 0 && known.claims.empty()))
-        return;
-      by_template[i] = Seeds(templates_[i], context, z);
-    });
+    auto seed = [&] {
+      ParallelFor(templates_.size(), threads_, [&](std::size_t i) {
+        // How a part lies less often is asked only of lines that nothing else explains.
+        if (!templates_[i].model->MayStandOn(on) || (templates_[i].resting_pose > 0 && known.claims.empty()))
+          return;
+        auto seeds = Seeds(templates_[i], context, z);
+        std::move(seeds.begin(), seeds.end(), std::back_inserter(by_template[i]));
+      });
+    };
+    if (IsSinglePicture()) {
+      // One picture does not tell how high a line lies: every height is tried.
+      for (double height = z + kHeightStepPx * mm_per_px_;
+           height <= std::min(options_.max_height_mm, kMostOfEye * views_[0].center_in_world.z());
+           height += kHeightStepPx * mm_per_px_) {
+        lines = LevelLines(views_[0], scene_.lines[0], height, kSureLinePx);
+        for (auto& l : lines)
+          if (!known.claims.empty() && Explains(known.claims, l)) l.end = l.start;
+        circles = LevelCircles(views_[0], height, scene_.tolerance_px);
+        std::erase_if(circles, [&](const WorldCircle& c) {
+          return !known.claims.empty() && known.claims[0][ChordOf(c.arcs[0])];
+        });
+        context.lines = lines;
+        context.circles = circles;
+        if (progress_.Cancelled()) return;
+        seed();
+      }
+    } else {
+      seed();
+    }
     std::vector<std::pair<std::size_t, Hypothesis>> seeds;  // template, seed
     for (std::size_t i = 0; i < templates_.size(); ++i)
       for (auto& h : Promising(std::move(by_template[i]), context)) seeds.push_back({i, std::move(h)});
@@ -259,12 +291,31 @@ class SceneSolver {
       Hypothesis h = Finish(kind, context, distinct[i].second);
       if (h.log_odds >= least) {
         WeighInAllViews(h, context);
-        if (h.log_odds >= least) finished[i] = std::move(h);
+        if (h.log_odds >= least && (!IsSinglePicture() || ShowsHeight(h, context))) finished[i] = std::move(h);
       }
       progress_.Report("hypotheses", ++done, int(distinct.size()));
     });
     for (auto& h : finished)
       if (h) Keep(std::move(*h), support);
+  }
+
+  // Ends of accepted parts may be wrong though their edges are right.
+  void SlideAccepted() {
+    const std::vector<int> parts = accepted_;
+    std::vector<std::vector<Hypothesis>> slid(parts.size());
+    ParallelFor(parts.size(), threads_, [&](std::size_t i) {
+      std::vector<int> rest = parts;
+      std::erase(rest, parts[i]);
+      const Known around = Explained(rest);
+      SeedContext context = Context();
+      context.others = &around.others;
+      context.claims = &around.claims;
+      Hypothesis h = items_[std::size_t(parts[i])].h;
+      WeighInAllViews(h, context);
+      slid[i] = Slides(h, context);
+    });
+    for (std::size_t i = 0; i < parts.size(); ++i)
+      for (auto& h : slid[i]) Keep(std::move(h), items_[std::size_t(parts[i])].support_item);
   }
 
   // A plate on which something stands upright shows as two, one on either side: of two of one kind and height
@@ -375,6 +426,27 @@ class SceneSolver {
                      .Score();
   }
 
+  // In one picture a top alone may be a small one that is near or a large one that is far: what stands below it
+  // must speak for its height.
+  bool ShowsHeight(const Hypothesis& h, const SeedContext& context) const {
+    constexpr double kBelowTopPx = 2, kLeast = 6;  // half of what makes a part
+    const WorldSolid solid = PlaceSolid(h.object, false);
+    const double top = MakeVolume(solid).box.max().z() - kBelowTopPx * mm_per_px_;
+    double below = 0;
+    for (const auto& e :
+         Weigh(solid, h.views, scene_, {.grey = true}, context.others, context.claims).edges) {
+      const bool is_low =
+          e.source == ContourSample::Source::kEdge
+              ? std::min(solid.vertices[std::size_t(solid.edges[std::size_t(e.index)].start)].point.z(),
+                         solid.vertices[std::size_t(solid.edges[std::size_t(e.index)].end)].point.z()) < top
+          : e.source == ContourSample::Source::kCircle
+              ? solid.circles[std::size_t(e.index)].center.point.z() < top
+              : true;
+      if (is_low) below += e.log_odds;
+    }
+    return below >= kLeast;
+  }
+
   // The first chord of an arc in its picture's line index.
   std::size_t ChordOf(const LineRef& arc) const {
     const auto& index = scene_.lines[std::size_t(arc.view)];
@@ -441,6 +513,7 @@ class SceneSolver {
 
   // What was taken to stand on the ground may stand on a plate that lies there.
   void ReseatOnPlates() {
+    if (!options_.contact) return;
     const std::size_t n = items_.size();
     std::vector<std::pair<std::size_t, std::size_t>> pairs;  // what, on what
     for (std::size_t plate = 0; plate < n; ++plate) {
@@ -566,7 +639,7 @@ class SceneSolver {
   double Relations(int i, const std::vector<int>& items) const {
     const Item& item = items_[std::size_t(i)];
     const auto relations = item.h.object.model->relations();
-    if (relations.empty()) return 0;
+    if (relations.empty() || !options_.contact) return 0;
     std::vector<RelatedSolid> others;
     const Vector3d reach = Vector3d::Constant(kReachPx * mm_per_px_);
     const Eigen::AlignedBox3d room(item.volume.box.min() - reach, item.volume.box.max() + reach);
@@ -611,7 +684,7 @@ class SceneSolver {
       if (chain.empty() || ConflictsWithAny(chain, choice.items)) continue;
       std::vector<int> more = choice.items;
       more.insert(more.end(), chain.begin(), chain.end());
-      const double total = Total(more);
+      const double total = options_.scene_level ? Total(more) : choice.total + items_[std::size_t(i)].alone;
       if (total <= choice.total) continue;
       choice = {std::move(more), total};
     }
@@ -691,7 +764,7 @@ class SceneSolver {
     Choice best;
     AddBest(order, best);
     constexpr int kMaxPasses = 4;
-    bool better = true;
+    bool better = options_.scene_level;
     for (int pass = 0; better && pass < kMaxPasses && !progress_.Cancelled(); ++pass) {
       better = false;
       rivals_.clear();

@@ -19,6 +19,10 @@ struct IdentifyOptions {
   double max_height_mm = 3000;  // nothing of the workpiece is higher
   double accept_log_odds = 12;
   double doubtful_log_odds = 25;
+  // What a benchmark leaves out to see what it is worth: the decision over whole sets of parts (each is then taken
+  // by its own evidence, the best first); what parts say of each other where they touch (supports, relations,
+  // dimensions that end at a neighbour); the search for more once parts are known.
+  bool scene_level = true, contact = true, top_down = true;
 };
 std::span<const ParameterOf<IdentifyOptions>> IdentifyParameters();
 

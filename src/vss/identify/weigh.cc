@@ -55,8 +55,10 @@ constexpr double kEmptyStep = 1.5;
 // The pieces of contour that were measured there.
 constexpr double kPiecePx = 8;
 // A round edge is darker, or lighter, inside all around: so often a piece of one shows a clear step (more than
-// kEmptyStep) of the sign that most others show, and so often a piece of any other ring.
+// kEmptyStep, and this share of the brighter side: patches of rust are round too, but soft) of the sign that most
+// others show, and so often a piece of any other ring.
 constexpr double kRisesTrue = 0.75, kRisesChance = 0.2;
+constexpr double kRingContrast = 0.25;
 // Of those longer than this (px) the pictures' own arcs tell more.
 constexpr double kSmallRingPx = 120;
 // And shadows run there beside whatever stands above.
@@ -609,7 +611,12 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
       if ((m.line < 0 && grey) || round) {
         const auto response =
             RespondToEdge(picture, s.img, s.ideal_tangent, std::min(kPiecePx, s.step_px), scene.tolerance_px);
-        if (response && round) m.rises = response->step / scene.typical_step[std::size_t(v)];
+        if (response && round) {
+          const bool clear =
+              std::abs(response->step) > kEmptyStep * scene.typical_step[std::size_t(v)] &&
+              std::abs(response->step) > kRingContrast * response->bright;
+          m.rises = !clear ? 0 : response->step > 0 ? 1 : -1;
+        }
         if (m.line >= 0 || !grey) {
           in_view.samples.push_back(m);
           continue;
@@ -648,10 +655,10 @@ ContourVote VoteOf(const MeasuredContours& measured, const MeasuredContours::InV
     t.chance += m.chance;
     if (m.line >= 0 && taken && taken(i)) continue;
     ++t.open;
-    if (m.rises != 0) {
+    if (m.rises) {
       ++t.rings;
-      t.rises += m.rises > kEmptyStep;
-      t.falls += m.rises < -kEmptyStep;
+      t.rises += *m.rises > 0;
+      t.falls += *m.rises < 0;
     }
     if (m.asked) {
       ++t.stepped;

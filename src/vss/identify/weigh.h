@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -98,7 +99,8 @@ struct MeasuredContours {
     Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
     double step_px = 0, chance = 0, distance_px = 0, along_px = 0;
     double ends = 0, step = 0;  // log-odds of where the line ends, of the grey values where there is no line
-    double rises = 0;  // of a circle: the grey values' step across it, inside to outside or the other way, typical = 1
+    // Of a circle: which way the grey values clearly step across it, 0: they do not; empty: not asked.
+    std::optional<int> rises;
   };
   // The nearest other contour that runs beside one.
   struct Neighbour {

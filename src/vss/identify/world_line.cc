@@ -630,4 +630,37 @@ std::vector<WorldCircle> FindWorldCircles(std::span<const View> views, const Wor
   return out;
 }
 
+std::vector<WorldLine> LevelLines(const View& view, const LineIndex& index, double z_mm,
+                                  double min_length_px) {
+  constexpr double kMinSlope = 0.05;  // rays nearer to the horizon say nothing
+  std::vector<WorldLine> out;
+  for (int k = 0; k < index.num_segments(); ++k) {
+    const ViewLine& l = index.lines()[std::size_t(k)];
+    if (l.length_px < min_length_px) continue;
+    WorldLine line;
+    line.start = line.end = view.center_in_world;
+    line.lines = {{0, k}};
+    line.num_views = line.num_stops = 1;
+    const double rise = z_mm - view.center_in_world.z();
+    if (rise / l.ray_start.z() > 0 && rise / l.ray_end.z() > 0 && std::abs(l.ray_start.z()) > kMinSlope &&
+        std::abs(l.ray_end.z()) > kMinSlope && l.plane_normal.head<2>().norm() > kMinPlaneTilt) {
+      line.start += l.ray_start * (rise / l.ray_start.z());
+      line.end += l.ray_end * (rise / l.ray_end.z());
+    }
+    out.push_back(std::move(line));
+  }
+  return out;
+}
+
+std::vector<WorldCircle> LevelCircles(const View& view, double z_mm, double tolerance_px) {
+  std::vector<WorldCircle> out;
+  for (std::size_t k = 0; k < view.lines->arcs.size(); ++k) {
+    const auto c = Flatten(view, 0, int(k), tolerance_px);
+    if (!c || z_mm >= c->eye.z()) continue;
+    const Vector2d center = c->CenterAt(z_mm);
+    out.push_back({{center.x(), center.y(), z_mm}, c->RadiusAt(z_mm), {c->ref}, 1});
+  }
+  return out;
+}
+
 }  // namespace vss

@@ -57,4 +57,10 @@ std::vector<WorldLine> FindWorldLines(std::span<const View> views, std::span<con
                                       const WorldLineOptions& options, int threads, const Progress& progress);
 std::vector<WorldCircle> FindWorldCircles(std::span<const View> views, const WorldLineOptions& options);
 
+// What one picture alone may show at one height: its segments of at least `min_length_px`, and its arcs, on the
+// horizontal plane `z_mm` (world). In the picture's order, whatever the height; a segment that is no line there
+// (it rises to the horizon) has no length.
+std::vector<WorldLine> LevelLines(const View& view, const LineIndex& index, double z_mm, double min_length_px);
+std::vector<WorldCircle> LevelCircles(const View& view, double z_mm, double tolerance_px);
+
 }  // namespace vss
