@@ -19,6 +19,7 @@ constexpr double kNearestDepthMm = 100;   // an edge is cut off where it comes c
 constexpr int kYawStarts = 24;            // 15 degrees apart: Gauss-Newton on straight edges converges from 20
 constexpr int kStartSteps = 12, kFinalSteps = 40;
 constexpr int kRefinedStarts = 4;
+constexpr std::size_t kStartPicks = 24;
 constexpr double kRobustScale = 4;        // whitened residuals beyond it lose their pull (Cauchy)
 constexpr double kPriorPlaceMm = 1e4, kPriorYawRad = 2;
 constexpr double kObservableShare = 0.25; // of the sigma before any line: more is left where the lines say nothing
@@ -278,7 +279,18 @@ Vector2d FootOfPicks(const FitQuestion& q, const std::vector<View>& views) {
   return n > 0 ? Vector2d(sum / n) : Vector2d::Zero();
 }
 
-PlacedObject FitFromNothing(const FitQuestion& q, const std::vector<View>& views) {
+// Every so manieth pick, so that not many more than kStartPicks are left: enough to tell the starts apart.
+FitQuestion Thinned(const FitQuestion& q) {
+  FitQuestion thin = q;
+  const std::size_t step = std::max<std::size_t>(1, q.picks.size() / kStartPicks);
+  thin.picks.clear();
+  for (std::size_t i = 0; i < q.picks.size(); i += step) thin.picks.push_back(q.picks[i]);
+  return thin;
+}
+
+// The object at the best of many starts; all picks are fitted later.
+PlacedObject FitFromNothing(const FitQuestion& all, const std::vector<View>& views) {
+  const FitQuestion q = Thinned(all);
   PlacedObject usual = UsualObject(q);
   usual.placement.head<2>() = FootOfPicks(q, views);
   const Prior prior = MakePrior(q, usual);

@@ -1,5 +1,6 @@
 #include "projection.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace vss::station {
@@ -12,6 +13,35 @@ constexpr double kHideMarginMm = 0.5;   // a point lies on its own faces: rays s
 constexpr int kSamplesAnEdge = 24;
 constexpr int kSamplesACircle = 48;
 constexpr double kBorder = 0.25;        // of the picture's width: so far beyond the border a contour is followed
+constexpr double kDrawnPx = 0.05;       // a point that lies no farther beside the line through its neighbours is not drawn
+
+// `points` without those that a straight line between others replaces (Douglas and Peucker 1973).
+std::vector<Vector2d> Simplified(const std::vector<Vector2d>& points) {
+  std::vector<bool> kept(points.size(), false);
+  kept.front() = kept.back() = true;
+  std::vector<std::pair<std::size_t, std::size_t>> spans = {{0, points.size() - 1}};
+  while (!spans.empty()) {
+    const auto [from, to] = spans.back();
+    spans.pop_back();
+    const Vector2d d = points[to] - points[from];
+    const double length = d.norm();
+    double most = kDrawnPx;
+    std::size_t farthest = 0;
+    for (std::size_t i = from + 1; i < to; ++i) {
+      const Vector2d e = points[i] - points[from];
+      const double aside = length > kDrawnPx ? std::abs(d.x() * e.y() - d.y() * e.x()) / length : e.norm();
+      if (aside > most) most = aside, farthest = i;
+    }
+    if (farthest == 0) continue;
+    kept[farthest] = true;
+    spans.push_back({from, farthest});
+    spans.push_back({farthest, to});
+  }
+  std::vector<Vector2d> out;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (kept[i]) out.push_back(points[i]);
+  return out;
+}
 
 struct Drawer {
   const View& view;
@@ -30,11 +60,16 @@ struct Drawer {
   void Trace(ContourSample::Source source, int index, const std::vector<Vector3d>& points) {
     ContourPiece piece;
     auto finish = [&] {
-      if (piece.points.size() > 1) pieces.push_back(piece);
+      if (piece.points.size() > 1) {
+        piece.points = Simplified(piece.points);
+        pieces.push_back(piece);
+      }
       piece.points.clear();
     };
+    auto b = Img(points.front());
     for (std::size_t i = 0; i + 1 < points.size(); ++i) {
-      const auto a = Img(points[i]), b = Img(points[i + 1]);
+      const auto a = b;
+      b = Img(points[i + 1]);
       if (!a || !b) { finish(); continue; }
       const bool hidden = !occluders.Free(view.center_in_world, (points[i] + points[i + 1]) / 2, kHideMarginMm);
       if (!piece.points.empty() && piece.hidden != hidden) finish();
@@ -71,6 +106,7 @@ struct Drawer {
   }
 
   void Limbs(const WorldSolid& solid) {
+    if (std::none_of(solid.faces.begin(), solid.faces.end(), [](const SolidFace& f) { return f.is_cylinder; })) return;
     std::map<std::pair<int, int>, std::vector<Vector3d>> limbs;
     for (const auto& s : SampleContour(solid, view, 8, 2))
       if (s.source == ContourSample::Source::kLimb) limbs[{s.index, s.limb_side}].push_back(s.point_in_world);

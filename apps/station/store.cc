@@ -250,6 +250,11 @@ StoreResult<std::int64_t> Store::Apply(const std::string& who, const std::string
 StoreResult<std::int64_t> Store::Undo(const std::string& who, std::optional<std::int64_t> seen) { return impl_->Travel(who, seen, true); }
 StoreResult<std::int64_t> Store::Redo(const std::string& who, std::optional<std::int64_t> seen) { return impl_->Travel(who, seen, false); }
 
+std::int64_t Store::Revision() const {
+  std::lock_guard guard(impl_->mutex);
+  return impl_->Revision();
+}
+
 std::optional<Item> Store::Get(const std::string& kind, const std::string& id) const {
   std::lock_guard guard(impl_->mutex);
   auto item = impl_->Find(kind, id);

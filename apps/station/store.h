@@ -72,6 +72,7 @@ class Store {
   StoreResult<std::int64_t> Undo(const std::string& who, std::optional<std::int64_t> seen_edit);
   StoreResult<std::int64_t> Redo(const std::string& who, std::optional<std::int64_t> seen_edit);
 
+  std::int64_t Revision() const;  // of the newest edit, undo or redo; 0: none yet
   std::optional<Item> Get(const std::string& kind, const std::string& id) const;
   // The revision at which the item changed last, deleted ones included; 0: never.
   std::int64_t Version(const std::string& kind, const std::string& id) const;

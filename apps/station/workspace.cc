@@ -240,13 +240,30 @@ Result<std::shared_ptr<const EditedLines>> Workspace::Lines(int image) {
 }
 
 void Workspace::PrepareLines(const std::vector<int>& images) {
-  ParallelFor(images.size(), options_.threads, [&](std::size_t i) { (void)Lines(images[i]); });  // who asks for them hears why not
+  std::int64_t version = 0;
+  (void)OptionsOfLastRun(&version);
+  std::vector<int> missing;
+  {
+    std::lock_guard lock(mutex_);
+    for (int i : images)
+      if (i >= 0 && std::size_t(i) < found_.size() && !(found_[std::size_t(i)].lines && found_[std::size_t(i)].run_version == version && found_[std::size_t(i)].survey == &survey()))
+        missing.push_back(i);
+  }
+  if (missing.empty()) return;  // waking the other threads for nothing takes longer than a fit where the machine is busy
+  ParallelFor(missing.size(), options_.threads, [&](std::size_t i) { (void)Lines(missing[i]); });  // who asks for them hears why not
 }
 
 std::vector<StationPart> Workspace::Parts() const {
+  const std::int64_t revision = store_->Revision();  // before the parts: what came since then is read anew by the next
+  {
+    std::lock_guard lock(mutex_);
+    if (last_parts_.first == revision) return last_parts_.second;
+  }
   std::vector<StationPart> parts;
   for (const auto& item : store_->List("part"))
     if (auto part = PartFromJson(*item.value, image_files_)) parts.push_back(std::move(*part));
+  std::lock_guard lock(mutex_);
+  last_parts_ = {revision, parts};
   return parts;
 }
 
@@ -258,7 +275,13 @@ Result<std::pair<StationPart, std::int64_t>> Workspace::FindPart(const std::stri
 }
 
 std::vector<View> Workspace::Views() const {
-  std::vector<View> views = MakeViews(survey(), std::vector<LineImage>(survey().images.size()));
+  const std::int64_t revision = store_->Revision();
+  const Survey& survey = this->survey();
+  {
+    std::lock_guard lock(mutex_);
+    if (last_views_.revision == revision && last_views_.survey == &survey) return last_views_.views;
+  }
+  std::vector<View> views = MakeViews(survey, std::vector<LineImage>(survey.images.size()));
   const auto run = store_->Get("settings", "run");
   // Places that a run found hold for the cameras that it was made with.
   const Json places = run && !RunIsOfOtherCameras() ? run->value->value("cam_from_world", Json::array()) : Json::array();
@@ -267,6 +290,8 @@ std::vector<View> Workspace::Views() const {
     const RigidTransform cam_from_world = known ? TransformFromJson(places[std::size_t(view.image)]) : view.cam_from_world;
     view = MakeView(view.image, *view.camera, cam_from_world, view.stop, nullptr);
   }
+  std::lock_guard lock(mutex_);
+  last_views_ = {revision, &survey, views};
   return views;
 }
 

@@ -98,6 +98,14 @@ class Workspace {
   void Tell(const std::function<void(const Json&)>& tell, Json state);
   SurveyOptions OptionsOfLastRun(std::int64_t* version) const;
   mutable std::pair<std::int64_t, SurveyOptions> last_options_{-1, {}};  // by the version of the run
+  // What every live fit asks for, as it was at a revision.
+  mutable std::pair<std::int64_t, std::vector<StationPart>> last_parts_{-1, {}};
+  struct LastViews {
+    std::int64_t revision = -1;
+    const Survey* survey = nullptr;
+    std::vector<View> views;
+  };
+  mutable LastViews last_views_;
   Result<std::shared_ptr<const LineImage>> FoundLines(int image);
   std::string FreePartId(const std::vector<std::string>& also_taken) const;
   friend class Commands;
