@@ -57,10 +57,4 @@ double FacetedVolume(const Solid& solid) {
   return six_volumes / 6;
 }
 
-std::string NameOf(const Part& part) { return part.id + " " + part.kind; }
-
-std::string NameOf(const Seam& seam, std::size_t index) {
-  return fmt::format("seam-{} {}/{}", index + 1, seam.part_a, seam.part_b);
-}
-
 }  // namespace vss

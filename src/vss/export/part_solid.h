@@ -21,7 +21,9 @@ Result<std::vector<PartSolid>> SolidsOfProduct(const Product& product, const Kno
 double FacetedVolume(const Solid& solid);
 
 // What a part and a seam are called in files for other programs: "part-3 tee", "seam-2 part-1/part-3".
-std::string NameOf(const Part& part);
-std::string NameOf(const Seam& seam, std::size_t index);
+inline std::string NameOf(const Part& part) { return part.id + " " + part.kind; }
+inline std::string NameOf(const Seam& seam, std::size_t index) {
+  return fmt::format("seam-{} {}/{}", index + 1, seam.part_a, seam.part_b);
+}
 
 }  // namespace vss

@@ -1,5 +1,4 @@
-// The workpiece as STEP AP242 (ISO 10303-242), by Open CASCADE. step.cc where the build has it, no_step.cc
-// where not.
+// The workpiece as STEP AP242 (ISO 10303-242), by Open CASCADE, where the build has it (CanWriteStep).
 #pragma once
 #include <span>
 #include <string>
