@@ -46,7 +46,8 @@ std::string Tiles(const ReportInput& in) {
   return "<div class=\"tiles\">" + Tile(fmt::format("{}", parts.size()), "parts") +
          Tile(fmt::format("{}", doubtful), "doubtful") +
          Tile(fmt::format("{}", in.product->seams.size()), "seams") +
-         Tile(fmt::format("{}", in.image_files.size()), fmt::format("pictures, {} cameras", in.num_cameras)) +
+         Tile(fmt::format("{}", in.image_files.size()), fmt::format("{}, {} {}", in.image_files.size() == 1 ? "picture" : "pictures", in.num_cameras,
+                          in.num_cameras == 1 ? "camera" : "cameras")) +
          Tile(fmt::format("{}", NumLines(in)), "lines and arcs") +
          Tile(parts.empty() ? "&ndash;"
                             : fmt::format("{:.3f} px", std::sqrt(sum / static_cast<double>(parts.size()))),
