@@ -4,45 +4,18 @@
 #include <cmath>
 #include <set>
 
+#include "edit.h"
 #include "routes.h"
 
 namespace vss::station {
 namespace {
 
-using Eigen::Vector2d;
-
 constexpr double kCollectPx = 2.5;       // lines so near to the fitted contour are taken along
 constexpr double kCollectAgainPx = 1.2;  // and, after the fit with them, so near
 constexpr std::size_t kMaxPicks = 4000;
 
-// One edit about to be made.
-struct Edit {
-  std::string label;
-  std::vector<Change> changes;
-  Json answer = Json::object();
-};
-
-struct Context {
-  Workspace& workspace;
-  const Json& body;
-  std::optional<std::int64_t> version;  // of the item that the page saw
-};
-
 std::string WithArticle(const std::string& kind) {
   return (kind.find_first_of("aeiou") == 0 ? "an " : "a ") + kind;
-}
-
-std::string PartId(const Json& body) { return body.at("part").get<std::string>(); }
-
-Change ChangeOf(const Workspace& w, const StationPart& part, std::optional<std::int64_t> version) {
-  return {"part", part.part.id, PartToJson(part, w.image_files()), version};
-}
-
-std::string FreeId(Workspace& w) {
-  int highest = 0;
-  for (const auto& item : w.store().Since(0))  // deleted ones included: an id never means two things
-    if (item.kind == "part" && item.id.rfind("part-", 0) == 0) highest = std::max(highest, std::atoi(item.id.c_str() + 5));
-  return fmt::format("part-{}", highest + 1);
 }
 
 // The same contour of the same solid with other names: by the places of its ends in the world.
@@ -273,56 +246,6 @@ Result<Edit> ChangeKind(const Context& c) {
   return Edit{fmt::format("{} is {}, not {}", part.part.id, WithArticle(kind), WithArticle(old.first.part.kind)), {ChangeOf(w, part, c.version)}};
 }
 
-// Cuts a part across its length at `share` into two of the same section; a cut that the operator sees in the pictures.
-Result<Edit> SplitPart(const Context& c) {
-  Workspace& w = c.workspace;
-  VSS_ASSIGN(const auto old, w.FindPart(PartId(c.body)));
-  const double share = c.body.value("share", 0.5);
-  if (!(share > 0.02 && share < 0.98)) return UsageError("a part is split between 2 % and 98 % of its length");
-  PlacedObject object = PlacedObjectOf(old.first.part, w.knowledge());
-  if (!object.model) return UsageError("the knowledge base has no kind \"{}\"; it cannot be split", old.first.part.kind);
-  const auto defs = object.model->dimensions();
-  const auto length = std::size_t(std::find_if(defs.begin(), defs.end(), [](const auto& d) { return d.name == "length"; }) - defs.begin());
-  if (length >= defs.size()) return UsageError("a {} has no length along which it could be split", old.first.part.kind);
-  const double whole = object.dimensions_mm[length];
-  Edit edit{fmt::format("split {}", old.first.part.id), {}};
-  for (int half = 0; half < 2; ++half) {
-    PlacedObject piece = object;
-    piece.dimensions_mm[length] = whole * (half == 0 ? share : 1 - share);
-    if (piece.dimensions_mm[length] < defs[length].min_mm) return UsageError("a {} is at least {} mm long", old.first.part.kind, defs[length].min_mm);
-    const double shift = half == 0 ? (share - 1) * whole / 2 : share * whole / 2;
-    const Eigen::Vector3d along = old.first.part.world_from_part.rotation * Eigen::Vector3d(shift, 0, 0);
-    piece.placement.head<3>() += along;
-    FitAnswer answer;
-    answer.object = piece;
-    answer.covariance = Eigen::MatrixXd::Zero(piece.StateSize(), piece.StateSize());
-    answer.sigma_mm.assign(piece.dimensions_mm.size(), 0.0);
-    answer.observable.assign(piece.dimensions_mm.size(), true);
-    FitQuestion question;
-    question.model = piece.model;
-    StationPart part = old.first;
-    part.part = PartOfFit(answer, question);
-    part.part.covariance.resize(0, 0);
-    part.part.vertex_sigma.clear();
-    for (std::size_t i = 0; i < defs.size(); ++i) {
-      auto& d = part.part.dimensions[i];
-      const auto at = std::find_if(old.first.part.dimensions.begin(), old.first.part.dimensions.end(), [&](const auto& o) { return o.name == d.name; });
-      if (at != old.first.part.dimensions.end()) d.sigma_mm = at->sigma_mm, d.observable = at->observable, d.origin = at->origin;
-    }
-    auto& cut = part.part.dimensions[length];
-    cut.observable = false;
-    cut.origin = "where the operator split the part; measure it";
-    part.part.source = "corrected";
-    part.part.stands_on = old.first.part.stands_on;
-    part.part.images = old.first.part.images;
-    part.part.id = half == 0 ? old.first.part.id : FreeId(w);
-    part.confirmed = false;
-    part.doubt = "It was split: measure it, or pick the lines at the cut.";
-    edit.changes.push_back(ChangeOf(w, part, half == 0 ? c.version : std::optional<std::int64_t>(0)));
-  }
-  return edit;
-}
-
 // Two parts of one kind become one that reaches from the one's end to the other's, fitted to the lines of both.
 Result<Edit> MergeParts(const Context& c) {
   Workspace& w = c.workspace;
@@ -367,124 +290,6 @@ Result<Edit> MergeParts(const Context& c) {
   return Edit{fmt::format("merge {} and {}", pa.id, pb.id), {ChangeOf(w, part, c.version), {"part", pb.id, std::nullopt, b.second}}};
 }
 
-// The operator's edits of one picture's lines, as they are kept.
-struct LineEdits {
-  Json value;
-  std::string file;
-  std::shared_ptr<const EditedLines> lines;
-};
-
-Result<LineEdits> EditsOf(const Context& c, int image) {
-  LineEdits out;
-  VSS_ASSIGN(out.lines, c.workspace.Lines(image));
-  out.file = c.workspace.image_files()[std::size_t(image)];
-  const auto item = c.workspace.store().Get("lines", out.file);
-  out.value = item ? *item->value : Json{{"drawn", Json::array()}, {"removed", Json::array()}, {"next", kFirstDrawnLine}};
-  return out;
-}
-
-int Draw(LineEdits& edits, const LineSegment& s) {
-  const int number = edits.value.value("next", kFirstDrawnLine);
-  edits.value["next"] = number + 1;
-  edits.value["drawn"].push_back({{"line", number}, {"start", {s.start.x(), s.start.y()}}, {"end", {s.end.x(), s.end.y()}}, {"sigma_px", s.sigma_offset_px}, {"contrast", s.contrast}});
-  return number;
-}
-
-Status Remove(LineEdits& edits, int line) {
-  const LineSegment* s = edits.lines->Find(line);
-  if (!s) return UsageError("there is no line number {} in {}", line, edits.file);
-  if (line >= kFirstDrawnLine) {
-    auto& drawn = edits.value["drawn"];
-    drawn.erase(std::remove_if(drawn.begin(), drawn.end(), [&](const Json& d) { return d.at("line") == line; }), drawn.end());
-  } else {
-    edits.value["removed"].push_back({{"line", line}, {"start", {s->start.x(), s->start.y()}}, {"end", {s->end.x(), s->end.y()}}});
-  }
-  return {};
-}
-
-Change ChangeOf(const LineEdits& edits, std::optional<std::int64_t> version) { return {"lines", edits.file, edits.value, version}; }
-
-Vector2d PointOf(const Json& j) { return {j.at(0).get<double>(), j.at(1).get<double>()}; }
-
-Result<Edit> DrawLine(const Context& c) {
-  VSS_ASSIGN(const int image, IntOf(c.body, "image"));
-  VSS_ASSIGN(const auto segment, c.workspace.Snap(image, PointOf(c.body.at("start")), PointOf(c.body.at("end"))));
-  VSS_ASSIGN(auto edits, EditsOf(c, image));
-  const int number = Draw(edits, segment);
-  const bool snapped = segment.contrast > 0;
-  return Edit{fmt::format("draw a line in {}", edits.file), {ChangeOf(edits, c.version)}, {{"line", number}, {"snapped", snapped}, {"sigma_px", segment.sigma_offset_px}}};
-}
-
-Result<Edit> RemoveLine(const Context& c) {
-  VSS_ASSIGN(const int image, IntOf(c.body, "image"));
-  VSS_ASSIGN(auto edits, EditsOf(c, image));
-  VSS_ASSIGN(const int line, IntOf(c.body, "line"));
-  VSS_RETURN_IF_ERROR(Remove(edits, line));
-  return Edit{fmt::format("remove a line in {}", edits.file), {ChangeOf(edits, c.version)}};
-}
-
-Result<Edit> SplitLine(const Context& c) {
-  VSS_ASSIGN(const int image, IntOf(c.body, "image"));
-  VSS_ASSIGN(auto edits, EditsOf(c, image));
-  VSS_ASSIGN(const int line, IntOf(c.body, "line"));
-  const LineSegment* found = edits.lines->Find(line);
-  if (!found) return UsageError("there is no line number {} in {}", line, edits.file);
-  const LineSegment s = *found;
-  const Vector2d at = PointOf(c.body.at("at")), d = s.end - s.start;
-  const double t = (at - s.start).dot(d) / d.squaredNorm();
-  if (!(t * d.norm() > 3 && (1 - t) * d.norm() > 3)) return UsageError("split the line at least 3 px from its ends");
-  VSS_RETURN_IF_ERROR(Remove(edits, line));
-  LineSegment a = s, b = s;
-  a.end = b.start = s.start + t * d;
-  const int first = Draw(edits, a), second = Draw(edits, b);
-  return Edit{fmt::format("split a line in {}", edits.file), {ChangeOf(edits, c.version)}, {{"lines", {first, second}}}};
-}
-
-Result<Edit> MergeLines(const Context& c) {
-  VSS_ASSIGN(const int image, IntOf(c.body, "image"));
-  VSS_ASSIGN(auto edits, EditsOf(c, image));
-  VSS_ASSIGN(const int first, IntOf(c.body, "line"));
-  VSS_ASSIGN(const int second, IntOf(c.body, "with"));
-  const LineSegment *p = edits.lines->Find(first), *q = edits.lines->Find(second);
-  if (!p || !q || first == second) return UsageError("two lines of {} are needed to merge them", edits.file);
-  const LineSegment a = *p, b = *q;
-  const Vector2d d = (a.end - a.start).normalized();
-  double from = INFINITY, to = -INFINITY;
-  Vector2d start = a.start, end = a.end;
-  for (const auto& v : {a.start, a.end, b.start, b.end}) {
-    const double t = d.dot(v);
-    if (t < from) from = t, start = v;
-    if (t > to) to = t, end = v;
-  }
-  constexpr double kMaxAside = 3;  // px that the ends of one line may lie beside the other
-  const Vector2d n(-d.y(), d.x());
-  if (std::max(std::abs(n.dot(b.start - a.start)), std::abs(n.dot(b.end - a.start))) > kMaxAside + 0.05 * (to - from))
-    return UsageError("these two lines do not lie on one straight line");
-  VSS_RETURN_IF_ERROR(Remove(edits, first));
-  VSS_RETURN_IF_ERROR(Remove(edits, second));
-  VSS_ASSIGN(const auto merged, c.workspace.Snap(image, start, end));
-  const int number = Draw(edits, merged);
-  return Edit{fmt::format("merge two lines in {}", edits.file), {ChangeOf(edits, c.version)}, {{"line", number}}};
-}
-
-// Moves one end of a line to where the operator points, along the line.
-Result<Edit> ExtendLine(const Context& c) {
-  VSS_ASSIGN(const int image, IntOf(c.body, "image"));
-  VSS_ASSIGN(auto edits, EditsOf(c, image));
-  VSS_ASSIGN(const int line, IntOf(c.body, "line"));
-  const LineSegment* found = edits.lines->Find(line);
-  if (!found) return UsageError("there is no line number {} in {}", line, edits.file);
-  LineSegment s = *found;
-  const Vector2d to = PointOf(c.body.at("to")), d = (s.end - s.start).normalized();
-  const Vector2d on_line = s.start + d * d.dot(to - s.start);
-  if (!c.workspace.Inside(image, on_line)) return UsageError("this line leaves the picture; extend it less far");
-  ((to - s.start).norm() < (to - s.end).norm() ? s.start : s.end) = on_line;
-  if ((s.end - s.start).dot(d) < 3) return UsageError("a line is at least 3 px long");
-  VSS_RETURN_IF_ERROR(Remove(edits, line));
-  const int number = Draw(edits, s);
-  return Edit{fmt::format("extend a line in {}", edits.file), {ChangeOf(edits, c.version)}, {{"line", number}}};
-}
-
 Result<Edit> SetParameters(const Context& c) {
   const auto item = c.workspace.store().Get("settings", "parameters");
   Json values = item ? *item->value : Json::object();
@@ -527,7 +332,7 @@ struct Command {
 constexpr Command kCommands[] = {
     {"save_part", SavePart},     {"delete_part", DeletePart}, {"confirm_part", ConfirmPart}, {"drop_line", DropLine},
     {"refit_part", RefitPart}, {"measure_part", MeasurePart},   {"change_kind", ChangeKind}, {"split_part", SplitPart},     {"merge_parts", MergeParts},
-    {"draw_line", DrawLine},     {"remove_line", RemoveLine}, {"split_line", SplitLine},     {"merge_lines", MergeLines},
+    {"draw_line", DrawLine}, {"draw_arc", DrawArc},     {"remove_line", RemoveLine}, {"split_line", SplitLine},     {"merge_lines", MergeLines},
     {"extend_line", ExtendLine}, {"set_parameters", SetParameters},
     {"take_cameras", TakeCameras}, {"own_cameras", OwnCameras},
 };
@@ -550,10 +355,22 @@ std::optional<std::int64_t> OptionalNumber(const Json& body, const char* name) {
 
 }  // namespace
 
+Change ChangeOf(const Workspace& w, const StationPart& part, std::optional<std::int64_t> version) {
+  return {"part", part.part.id, PartToJson(part, w.image_files()), version};
+}
+
+std::string FreeId(Workspace& w) {
+  int highest = 0;
+  for (const auto& item : w.store().Since(0))  // deleted ones included: an id never means two things
+    if (item.kind == "part" && item.id.rfind("part-", 0) == 0) highest = std::max(highest, std::atoi(item.id.c_str() + 5));
+  return fmt::format("part-{}", highest + 1);
+}
+
 Result<FitQuestion> QuestionOf(Workspace& w, const Json& body) {
   FitQuestion q;
   const std::string kind = body.at("kind");
   q.model = w.knowledge().Find(kind);
+  if (body.contains("features")) q.model = w.knowledge().Find(kind, body.at("features").get<std::vector<std::string>>());
   if (!q.model) return UsageError("the knowledge base has no kind \"{}\"", kind.substr(0, 40));
   const auto poses = q.model->resting_poses();
   if (const std::string pose = body.value("resting_pose", ""); !pose.empty()) {
@@ -585,8 +402,9 @@ Result<FitQuestion> QuestionOf(Workspace& w, const Json& body) {
   for (const auto& [name, value] : fixed.items()) q.fixed_mm[name] = value.get<double>();
   if (const std::string id = body.value("part", ""); !id.empty() && body.value("keep_start", true)) {
     VSS_ASSIGN(const auto part, w.FindPart(id));
-    if (part.first.part.kind == kind) {
+    if (part.first.part.kind == kind && (!body.contains("features") || part.first.part.features == FeaturesOf(*q.model))) {
       q.start = PlacedObjectOf(part.first.part, w.knowledge());
+      q.model = q.start->model;  // with the features that it has
       q.resting_pose = q.start->resting_pose;
     }
   }
@@ -615,6 +433,12 @@ Result<Json> LiveFit(Workspace& w, const Json& body) {
   const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
   return Json{{"part", PartToJson(part, w.image_files())}, {"picks", PicksToJson(f)}, {"projections", projections}, {"hints", hints},
               {"placed", f.answer.placed}, {"rms_px", f.answer.rms_px}, {"ms", ms}};
+}
+
+std::vector<std::string> CommandNames() {
+  std::vector<std::string> names = {"undo", "redo", "run", "calibrate", "cancel"};
+  for (const auto& command : kCommands) names.emplace_back(command.name);
+  return names;
 }
 
 Response RunCommand(Workspace& w, const Request& request, const Json& body, const std::function<void(const Json&)>& tell) {

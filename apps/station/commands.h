@@ -8,6 +8,9 @@ namespace vss::station {
 // {"do": NAME, ...}: see the table in commands.cc.
 Response RunCommand(Workspace& workspace, const Request& request, const Json& body, const std::function<void(const Json&)>& tell);
 
+// The names of all commands.
+std::vector<std::string> CommandNames();
+
 // A live fit: {"kind", "resting_pose"?, "stands_on"?, "picks": [{"image", "line", "contour", "circle"?}], "fixed"?: {name: mm},
 // "part"?: id to start from, "collect"?: bool} -> part, picks with residuals, projections into all pictures, hints.
 Result<Json> LiveFit(Workspace& workspace, const Json& body);

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "vss/product/designation.h"
+
 namespace vss::station {
 namespace {
 
@@ -507,6 +509,23 @@ std::vector<Pick> CollectPicks(const PlacedObject& object, const std::vector<Vie
   return out;
 }
 
+namespace {
+
+// The standard size that the dimensions tell; those that the operator gave count as measured.
+void SetDesignation(const FitAnswer& answer, const FitQuestion& q, Part& part) {
+  ReconstructedPart measured;
+  measured.object = answer.object;
+  measured.covariance = answer.covariance;
+  for (const auto& d : part.dimensions) measured.dimensions.push_back({d.name, d.value_mm, d.sigma_mm, d.observable || q.fixed_mm.contains(d.name), d.origin});
+  const Designation size = Designate(measured);
+  part.designation = size.name;
+  part.standard = size.standard;
+  part.designation_candidates = size.candidates;
+  for (std::size_t i = 0; i < size.nominal_mm.size(); ++i) part.dimensions[i].nominal_mm = size.nominal_mm[i];
+}
+
+}  // namespace
+
 Part PartOfFit(const FitAnswer& answer, const FitQuestion& q) {
   Part part;
   const PlacedObject& object = answer.object;
@@ -552,6 +571,7 @@ Part PartOfFit(const FitAnswer& answer, const FitQuestion& q) {
   }
   std::sort(part.images.begin(), part.images.end());
   part.residual_px = answer.rms_px;
+  SetDesignation(answer, q, part);
   return part;
 }
 

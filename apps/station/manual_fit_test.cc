@@ -215,5 +215,58 @@ TEST(Snap, LeavesALineWhereThereIsNoEdge) {
   EXPECT_EQ(same.start, drawn.start);
 }
 
+// A disc on a dark floor, as the rig's first camera sees it: bright inside the rim of `radius` around (x, y) at height z.
+GreyImage DiscImage(const View& view, const Vector3d& center, double radius) {
+  constexpr int kFine = 4;  // samples a pixel each way
+  GreyImage image(512, 512, 8);
+  for (int v = 0; v < 512; ++v)
+    for (int u = 0; u < 512; ++u) {
+      int inside = 0;
+      for (int i = 0; i < kFine * kFine; ++i) {
+        const Vector2d img(u - 0.5 + (i % kFine + 0.5) / kFine, v - 0.5 + (i / kFine + 0.5) / kFine);
+        const Vector3d ray = view.RayOfIdeal(img), p = view.center_in_world + (center.z() - view.center_in_world.z()) / ray.z() * ray;
+        inside += (p - center).norm() < radius;
+      }
+      image.Row8(v)[u] = std::uint8_t(40 + 160 * inside / (kFine * kFine));
+    }
+  return image;
+}
+
+TEST(Snap, MovesACurveOntoItsRimAndFollowsItAllRound) {
+  const Rig rig;
+  const View& view = rig.views[0];
+  const Vector3d center(150, 60, 200);
+  const GreyImage image = DiscImage(view, center, 260);
+  std::array<Vector2d, 3> clicked;
+  const double turns[] = {0.2, 1.1, 2.3};  // not half of it
+  for (std::size_t i = 0; i < 3; ++i)
+    clicked[i] = *view.ProjectInside(center + 260 * Vector3d(std::cos(turns[i]), std::sin(turns[i]), 0)) + Vector2d(i == 1 ? 1.5 : -1, 1);
+  const auto arc = SnapToRim(image.view(), view, clicked);
+  ASSERT_TRUE(arc) << arc.error().message;
+  EXPECT_GT(arc->contrast, 60);
+  EXPECT_TRUE(arc->bright_inside);
+  EXPECT_NEAR(arc->to_rad - arc->from_rad, 2 * kPi, 0.1) << "the whole rim is seen";
+  const Eigen::Rotation2Dd turn(arc->angle_rad);
+  for (int k = 0; k < 12; ++k) {
+    const double t = k * kPi / 6;
+    const Vector2d p = arc->center + turn * Vector2d(arc->axes.x() * std::cos(t), arc->axes.y() * std::sin(t));
+    const Vector3d ray = view.RayOfIdeal(p), on_disc = view.center_in_world + (center.z() - view.center_in_world.z()) / ray.z() * ray;
+    EXPECT_NEAR((on_disc - center).norm(), 260, 1) << "a pixel is some 6 mm";
+  }
+}
+
+TEST(Snap, LeavesACurveWhereThereIsNoEdgeAndRefusesAStraightOne) {
+  const Rig rig;
+  GreyImage flat(512, 512, 8);
+  for (int v = 0; v < 512; ++v) std::fill(flat.Row8(v), flat.Row8(v) + 512, std::uint8_t(90));
+  const auto arc = SnapToRim(flat.view(), rig.views[0], {Vector2d(200, 200), Vector2d(260, 180), Vector2d(300, 230)});
+  ASSERT_TRUE(arc) << arc.error().message;
+  EXPECT_EQ(arc->contrast, 0);
+  EXPECT_LT(arc->to_rad - arc->from_rad, 6) << "from the first click to the last, not all round";
+  const auto straight = SnapToRim(flat.view(), rig.views[0], {Vector2d(100, 100), Vector2d(200, 151), Vector2d(300, 200)});
+  ASSERT_FALSE(straight);
+  EXPECT_NE(straight.error().message.find("straight line"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace vss::station

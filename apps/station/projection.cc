@@ -12,6 +12,7 @@ using Eigen::Vector3d;
 constexpr double kHideMarginMm = 0.5;   // a point lies on its own faces: rays stop this far before it
 constexpr int kSamplesAnEdge = 24;
 constexpr int kSamplesACircle = 48;
+constexpr int kSamplesACut = 8;         // of the piece of a cut's outline that lies in one triangle
 constexpr double kBorder = 0.25;        // of the picture's width: so far beyond the border a contour is followed
 constexpr double kDrawnPx = 0.05;       // a point that lies no farther beside the line through its neighbours is not drawn
 
@@ -121,6 +122,24 @@ std::vector<ContourPiece> ProjectContour(const WorldSolid& solid, const View& vi
   drawer.Edges(solid);
   drawer.Circles(solid);
   drawer.Limbs(solid);
+  return std::move(drawer.pieces);
+}
+
+std::vector<ContourPiece> ProjectCut(const WorldSolid& solid, const Vector3d& point, const Vector3d& normal, const View& view, const Occluders& occluders) {
+  Drawer drawer{view, occluders, {}};
+  for (const auto& face : solid.faces)
+    for (const auto& t : face.triangles) {
+      std::vector<Vector3d> ends;
+      for (std::size_t i = 0; i < 3; ++i) {
+        const Vector3d &a = t[i], &b = t[(i + 1) % 3];
+        const double da = normal.dot(a - point), db = normal.dot(b - point);
+        if ((da < 0) != (db < 0)) ends.push_back(a + da / (da - db) * (b - a));
+      }
+      if (ends.size() != 2) continue;
+      std::vector<Vector3d> points;
+      for (int k = 0; k <= kSamplesACut; ++k) points.push_back(ends[0] + (ends[1] - ends[0]) * (double(k) / kSamplesACut));
+      drawer.Trace(ContourSample::Source::kEdge, 0, points);
+    }
   return std::move(drawer.pieces);
 }
 

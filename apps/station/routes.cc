@@ -2,12 +2,13 @@
 
 #include <algorithm>
 #include <charconv>
+#include <climits>
 #include <cmath>
 #include <fstream>
 
 #include "calibration.h"
 #include "commands.h"
-#include "snap.h"
+#include "split_part.h"
 #include "station_manual.h"
 #include "station_page.h"
 #include "vss/base/files.h"
@@ -147,6 +148,58 @@ Response AnswerOf(Result<Json> result) {
 }
 }  // namespace
 
+// What a route is asked: the body of a POST; the number in the place of '#' and the name in the place of '*' of its path.
+struct Routes::Asked {
+  const Request& request;
+  const Json& body;
+  int image = 0;
+  std::string name;
+};
+
+struct Routes::Route {
+  const char* path;
+  Response (*answer)(Routes& routes, const Asked& asked);
+};
+
+const std::vector<Routes::Route> Routes::kPostRoutes = {
+    {"command", [](Routes& r, const Asked& a) { return RunCommand(r.workspace_, a.request, a.body, r.tell_); }},
+    {"fit", [](Routes& r, const Asked& a) { return AnswerOf(LiveFit(r.workspace_, a.body)); }},
+    {"cut", [](Routes& r, const Asked& a) { return AnswerOf(CutPreview(r.workspace_, a.body)); }},
+    {"drawing", [](Routes& r, const Asked& a) { return AnswerOf(r.Drawing(a.body)); }},
+};
+const std::vector<Routes::Route> Routes::kGetRoutes = {
+    {"survey", [](Routes& r, const Asked&) { return station::AnswerOf(r.SurveyInfo()); }},
+    {"state", [](Routes& r, const Asked& a) { return station::AnswerOf(r.State(QueryNumber(a.request, "since", 0))); }},
+    {"knowledge", [](Routes& r, const Asked&) { return station::AnswerOf(r.Knowledge()); }},
+    {"scene", [](Routes& r, const Asked&) { return AnswerOf(r.Scene()); }},
+    {"measure", [](Routes& r, const Asked& a) { return AnswerOf(r.Measure(a.request)); }},
+    {"history", [](Routes& r, const Asked& a) { return station::AnswerOf(r.History(a.request)); }},
+    {"manual", [](Routes& r, const Asked&) { return station::AnswerOf(r.Manual()); }},
+    {"manual/*", [](Routes& r, const Asked& a) { return r.ManualPicture(a.name); }},
+    {"product.json", [](Routes& r, const Asked&) { return File("application/json", "product.json", ProductToJson(r.workspace_.ProductNow(), r.workspace_.image_files())); }},
+    {"report.html", [](Routes& r, const Asked&) { return r.ReportPage(); }},
+    {"export/*", [](Routes& r, const Asked& a) { return r.Exported(a.name); }},
+    {"calibration", [](Routes& r, const Asked&) { return station::AnswerOf(r.CalibrationJobs()); }},
+    {"calibration/*", [](Routes& r, const Asked& a) { return r.Calibrated(a.name); }},
+    {"pictures/#/image", [](Routes& r, const Asked& a) { return r.PictureBytes(a.image); }},
+    {"pictures/#/thumb", [](Routes& r, const Asked& a) { return r.Thumbnail(a.image); }},
+    {"pictures/#/lines", [](Routes& r, const Asked& a) { return AnswerOf(r.LinesOf(a.image)); }},
+    {"pictures/#/projection", [](Routes& r, const Asked& a) { return AnswerOf(r.ProjectionOf(a.image)); }},
+    {"pictures/#/overlay.svg", [](Routes& r, const Asked& a) { return r.Overlay(a.image); }},
+};
+
+// What `name` gives for '#' and '*' of `path`; empty where it does not match. A number that no picture has is -1.
+std::optional<Routes::Asked> Routes::Matched(std::string_view path, std::string_view name, const Asked& nothing) {
+  const std::size_t mark = std::min(path.find_first_of("#*"), path.size());
+  if (name.substr(0, mark) != path.substr(0, mark)) return std::nullopt;
+  if (mark == path.size()) return name.size() == mark ? std::optional(nothing) : std::nullopt;
+  const std::string_view rest = name.substr(mark), tail = path.substr(mark + 1);
+  if (path[mark] == '*') return Asked{nothing.request, nothing.body, 0, std::string(rest)};
+  if (rest.size() < tail.size() || rest.substr(rest.size() - tail.size()) != tail) return std::nullopt;
+  const auto number = Number(rest.substr(0, rest.size() - tail.size()));
+  return Asked{nothing.request, nothing.body, number && *number >= 0 && *number <= INT_MAX ? int(*number) : -1, ""};
+}
+
 Response Routes::Dispatch(const Request& request) {
   const std::string& path = request.path;
   if (path.rfind("/api/", 0) != 0) {
@@ -154,46 +207,39 @@ Response Routes::Dispatch(const Request& request) {
     return Page(request);
   }
   const std::string name = path.substr(5);
+  const Asked nothing{request, Json(), 0, ""};
   if (request.method == "POST") {
-    Json body = Json::parse(request.body, nullptr, false);
+    const Json body = Json::parse(request.body, nullptr, false);
     if (!body.is_object()) return station::AnswerOf(Error{ErrorCode::kUsage, "what was posted is not a JSON object"});
-    if (name == "command") return RunCommand(workspace_, request, body, tell_);
-    if (name == "fit") return AnswerOf(LiveFit(workspace_, body));
-    if (name == "drawing") return AnswerOf(Drawing(body));
+    for (const auto& route : kPostRoutes)
+      if (name == route.path) return route.answer(*this, {request, body, 0, ""});
     return NotFound("there is no such command");
   }
-  if (name == "survey") return station::AnswerOf(SurveyInfo());
-  if (name == "state") return station::AnswerOf(State(QueryNumber(request, "since", 0)));
-  if (name == "knowledge") return station::AnswerOf(Knowledge());
-  if (name == "scene") return AnswerOf(Scene());
-  if (name == "measure") return AnswerOf(Measure(request));
-  if (name == "history") return station::AnswerOf(History(request));
-  if (name == "manual") return station::AnswerOf(Manual());
-  if (name.rfind("manual/", 0) == 0) return ManualPicture(name.substr(7));
-  if (name == "product.json") return File("application/json", "product.json", ProductToJson(workspace_.ProductNow(), workspace_.image_files()));
-  if (name.rfind("export/", 0) == 0) return Exported(name.substr(7));
-  if (name == "calibration") return station::AnswerOf(CalibrationJobs());
-  if (name.rfind("calibration/", 0) == 0) return Calibrated(name.substr(12));
-  if (name == "report.html") {
-    auto report = workspace_.Report();
-    return report ? File("text/html; charset=utf-8", "report.html", std::move(report->html)) : station::AnswerOf(report.error());
-  }
-  if (name.rfind("pictures/", 0) == 0) {
-    const std::size_t slash = name.find('/', 9);
-    const auto image = Number(std::string_view(name).substr(9, slash == name.npos ? name.npos : slash - 9));
-    const std::string what = slash == name.npos ? "" : name.substr(slash + 1);
-    if (!image || *image < 0 || std::size_t(*image) >= workspace_.survey().images.size()) return NotFound("there is no such picture");
-    if (what == "image") return PictureBytes(int(*image));
-    if (what == "thumb") return Thumbnail(int(*image));
-    if (what == "lines") return AnswerOf(LinesOf(int(*image)));
-    if (what == "overlay.svg") {
-      auto report = workspace_.Report();
-      if (!report) return station::AnswerOf(report.error());
-      return File("image/svg+xml", OutputNames(workspace_.image_files())[std::size_t(*image)] + ".svg", std::move(report->overlays[std::size_t(*image)]));
-    }
-    if (what == "projection") return AnswerOf(ProjectionOf(int(*image)));
+  for (const auto& route : kGetRoutes) {
+    const auto asked = Matched(route.path, name, nothing);
+    if (!asked) continue;
+    if (asked->image < 0 || std::size_t(asked->image) >= workspace_.survey().images.size()) return NotFound("there is no such picture");
+    return route.answer(*this, *asked);
   }
   return NotFound("there is nothing of that name");
+}
+
+std::vector<std::pair<std::string, std::string>> Routes::Table() {
+  std::vector<std::pair<std::string, std::string>> table;
+  for (const auto& route : kGetRoutes) table.emplace_back("GET", route.path);
+  for (const auto& route : kPostRoutes) table.emplace_back("POST", route.path);
+  return table;
+}
+
+Response Routes::ReportPage() {
+  auto report = workspace_.Report();
+  return report ? File("text/html; charset=utf-8", "report.html", std::move(report->html)) : station::AnswerOf(report.error());
+}
+
+Response Routes::Overlay(int image) {
+  auto report = workspace_.Report();
+  if (!report) return station::AnswerOf(report.error());
+  return File("image/svg+xml", OutputNames(workspace_.image_files())[std::size_t(image)] + ".svg", std::move(report->overlays[std::size_t(image)]));
 }
 
 Response Routes::Page(const Request& request) const {
@@ -277,6 +323,7 @@ Result<Json> Routes::LinesOf(int image) {
     (lines->removed[i] ? removed : segments).push_back(LineRow(int(i), lines->found.segments[i], lens));
   for (const auto& [number, segment] : lines->drawn) segments.push_back(LineRow(number, segment, lens));
   for (std::size_t i = 0; i < lines->found.arcs.size(); ++i) arcs.push_back(ArcRow(int(i), lines->found.arcs[i]));
+  for (const auto& [number, arc] : lines->drawn_arcs) arcs.push_back(ArcRow(number, arc));
   return Json{{"segments", segments}, {"removed", removed}, {"arcs", arcs}, {"version", lines->version}, {"noise", Round2(lines->found.noise_sigma)}};
 }
 
@@ -340,7 +387,10 @@ Json Routes::Knowledge() const {
       dimensions.push_back({{"name", d.name}, {"min", d.min_mm}, {"max", d.max_mm}, {"usual", usual[i]}, {"help", d.help}});
     }
     for (const auto& p : o->resting_poses()) poses.push_back(p.name);
-    list.push_back({{"kind", o->kind()}, {"title", o->title()}, {"dimensions", dimensions}, {"resting_poses", poses}});
+    Json variants = Json::array();  // the features of each
+    for (const auto& v : workspace_.knowledge().objects)
+      if (v->kind() == o->kind()) variants.push_back(FeaturesOf(*v));
+    list.push_back({{"kind", o->kind()}, {"title", o->title()}, {"dimensions", dimensions}, {"resting_poses", poses}, {"variants", variants}});
   }
   return {{"objects", list}};
 }
@@ -381,8 +431,8 @@ Response Routes::Calibrated(const std::string& name) const {
 
 Result<Json> Routes::Drawing(const Json& body) const {
   const std::string kind = body.value("kind", "");
-  const ObjectModel* model = workspace_.knowledge().Find(kind);
-  if (!model) return UsageError("the knowledge base has no kind \"{}\"", kind.substr(0, 40));
+  const ObjectModel* model = body.contains("features") ? workspace_.knowledge().Find(kind, body.at("features").get<std::vector<std::string>>()) : workspace_.knowledge().Find(kind);
+  if (!model) return UsageError("the knowledge base has no kind \"{}\" with these features", kind.substr(0, 40));
   std::vector<std::optional<double>> known;
   const Json given = body.value("dimensions", Json::object());
   for (const auto& d : model->dimensions()) {

@@ -14,9 +14,17 @@ class Routes {
   // `tell` sends a JSON message to every open page.
   Routes(Workspace& workspace, std::function<void(const Json&)> tell);
   Response Answer(const Request& request);
+  // Method and path below /api/ of every route: '#' stands for the number of a picture, '*' for a name.
+  static std::vector<std::pair<std::string, std::string>> Table();
 
  private:
+  struct Asked;
+  struct Route;
+  static const std::vector<Route> kGetRoutes, kPostRoutes;
+  static std::optional<Asked> Matched(std::string_view path, std::string_view name, const Asked& nothing);
   Response Dispatch(const Request& request);
+  Response ReportPage();
+  Response Overlay(int image);
   Response Page(const Request& request) const;
   Response PictureBytes(int image) const;
   Response Thumbnail(int image);

@@ -9,6 +9,7 @@
 #include <set>
 #include <thread>
 
+#include "commands.h"
 #include "raw_http.h"
 #include "vss/base/files.h"
 #include "vss/export/export.h"
@@ -67,16 +68,24 @@ struct Hostile {
   std::set<int> right;
 };
 
+// Requests against every route and every command that there is: taken from the tables, so that none is forgotten.
 class HostileMaker {
  public:
+  std::map<std::string, int> asked;  // how often each route and command was tried
   Hostile Make() {
-    switch (Pick(12)) {
+    switch (Pick(18)) {
+      case 12: return {Get(ARoute("GET"), "Host: localhost\r\nAuthorization: Bearer " + Noise(16) + "\r\n"), {401}};
+      case 13: return {Post(ARoute("POST"), "{}", kHeaders + "Content-Type: application/json\r\nOrigin: http://" + Noise(6) + ".example\r\n"), {403}};
+      case 14: return {Get(ARoute("GET") + One({"/..", "/%2e%2e/", "/..%5c", "%00"}) + "/secret.txt", kHeaders), {400}};
+      case 15: return {Get(ARoute("GET") + "/" + Noise(5), kHeaders), {404}};
+      case 16: return {Post(ARoute("GET"), "{}", kHeaders + "Content-Type: application/json\r\n"), {404}};
+      case 17: return {Json2(ARoute("POST"), Broken()), {400}};
       case 0: return {Get(Traversal() + "secret.txt", kHeaders), {400}};
       case 1: return {Get(One({"/secret.txt", "/survey.toml", "/station.sqlite", "/cameras/cam1.toml", "/etc/passwd", "/api/secret.txt", "/api/export/secret.txt", "/api/calibration/secret.txt", "/index.html/secret.txt"}), kHeaders), {404}};
-      case 2: return {Get("/api/pictures/" + One({"-1", "999", "4294967296", "99999999999999999999", "0x1", "1e0", "%2b1", "..%2fsecret.txt"}) + One({"/image", "/thumb", "/lines", "/projection"}), kHeaders), {400, 404}};
+      case 2: return {Get(APicture(One({"-1", "999", "4294967296", "99999999999999999999", "0x1", "1e0", "%2b1", "..%2fsecret.txt"})), kHeaders), {400, 404}};
       case 3: return {Get("/api/measure?a=" + One({"part-1:0", "..%2f..%2fsecret:0", "part-1:-1", "x"}) + "&b=" + Noise(20), kHeaders), {400}};
       case 4: return {Json2("/api/command", Broken()), {400}};
-      case 5: return {Json2(One({"/api/command", "/api/fit", "/api/drawing"}), Wrong().dump()), {400, 422}};
+      case 5: return {Json2(ARoute("POST"), Wrong().dump()), {400, 422}};
       case 6: return {Json2("/api/command", "{\"do\":\"" + std::string((1 << 20) + Pick(1000), 'x') + "\"}"), {413}};
       case 7: return {Get("/api/survey", "Host: localhost\r\nAuthorization: Bearer " + Noise(16) + "\r\n"), {401}};
       case 8: return {Get("/api/survey", kHeaders + "Origin: http://" + Noise(6) + ".example\r\n"), {403}};
@@ -87,6 +96,29 @@ class HostileMaker {
   }
 
  private:
+  // A route of that method, a picture's number or a name filled in.
+  std::string ARoute(const std::string& method) {
+    static const auto table = Routes::Table();
+    std::string path;
+    do {
+      const auto& route = table[std::size_t(Pick(int(table.size())))];
+      if (route.first == method) path = route.second;
+    } while (path.empty());
+    ++asked[path];
+    return "/api/" + Filled(path, "0");
+  }
+  std::string APicture(const std::string& number) {
+    static const auto table = Routes::Table();
+    std::string path;
+    do path = table[std::size_t(Pick(int(table.size())))].second;
+    while (path.find('#') == path.npos);
+    return "/api/" + Filled(path, number);
+  }
+  std::string Filled(std::string path, const std::string& number) {
+    if (const auto at = path.find('#'); at != path.npos) path.replace(at, 1, number);
+    if (const auto at = path.find('*'); at != path.npos) path.replace(at, 1, Noise(6));
+    return path;
+  }
   int Pick(int n) { return int(random_() % unsigned(n)); }
   std::string One(const std::vector<std::string>& of) { return of[std::size_t(Pick(int(of.size())))]; }
   std::string Noise(int n) {
@@ -120,9 +152,14 @@ class HostileMaker {
   }
   // Commands of known names whose every argument is wrong.
   Json Wrong() {
-    Json body = {{"do", One({"save_part", "delete_part", "confirm_part", "drop_line", "refit_part", "change_kind", "split_part", "merge_parts", "draw_line", "remove_line",
-                             "split_line", "merge_lines", "extend_line", "set_parameters", "calibrate", "take_cameras", "own_cameras", "no_such", "../run"})}};
-    for (const char* name : {"part", "with", "kind", "image", "line", "start", "end", "at", "to", "share", "values", "product", "picks", "fixed", "dimensions", "job", "model"})
+    static const std::vector<std::string> harmless = {"run", "cancel", "undo", "redo"};  // that take no argument
+    std::vector<std::string> names = CommandNames();
+    std::erase_if(names, [&](const auto& name) { return std::find(harmless.begin(), harmless.end(), name) != harmless.end(); });
+    names.insert(names.end(), {"no_such", "../run"});
+    const std::string command = One(names);
+    ++asked[command];
+    Json body = {{"do", command}};
+    for (const char* name : {"part", "with", "kind", "image", "line", "start", "end", "at", "to", "share", "values", "product", "picks", "fixed", "dimensions", "job", "model", "points", "circle", "features"})
       if (Pick(4) > 0) body[name] = Value();
     return body;
   }
@@ -142,6 +179,10 @@ TEST_F(RoutesTest, RefusesTenThousandHostileRequestsAndNothingOutsideIsReadOrWri
     ++statuses[status];
     ASSERT_TRUE(hostile.right.contains(status)) << "request " << i << " got " << status << ": " << hostile.bytes.substr(0, 400) << "\n" << answer.substr(0, 2000);
     ASSERT_EQ(answer.find(kSecret), answer.npos) << hostile.bytes.substr(0, 200);
+  }
+  for (const auto& [method, path] : Routes::Table()) EXPECT_GT(maker.asked[path], 20) << method << " " << path;
+  for (const auto& name : CommandNames()) {
+    if (name != "run" && name != "cancel" && name != "undo" && name != "redo") { EXPECT_GT(maker.asked[name], 10) << name; }
   }
   for (const auto& [status, count] : statuses) std::printf("        %d: %d\n", status, count);
   EXPECT_EQ(FilesOf(outside_), before);
@@ -198,6 +239,116 @@ TEST_F(RoutesTest, ExportsAsTheCommandLineDoes) {
     EXPECT_NE(answer.find("not part of this build"), answer.npos);
   }
   EXPECT_EQ(Ask(Get("/api/export/workpiece.dxf", kHeaders)), 404);
+}
+
+// A part as the survey would have left it, at the place of `object`.
+StationPart PartAt(const PlacedObject& object, const std::string& id) {
+  StationPart part;
+  part.part.id = id;
+  part.part.kind = object.model->kind();
+  for (std::size_t i = 0; i < object.dimensions_mm.size(); ++i) part.part.dimensions.push_back({object.model->dimensions()[i].name, object.dimensions_mm[i], 0.2, true, ""});
+  SetGeometry(object, part.part);
+  return part;
+}
+
+TEST_F(RoutesTest, CutsAPartWhereTheOperatorPointsAndKeepsItsSize) {
+  const View view = workspace_->Views()[0];
+  PlacedObject beam;
+  beam.model = workspace_->knowledge().Find("i_beam");
+  beam.dimensions_mm = beam.model->UsualDimensions(std::vector<std::optional<double>>(beam.model->dimensions().size()));
+  beam.dimensions_mm[0] = 1000;
+  const Eigen::Vector3d down = view.RayOfIdeal({256, 256});
+  beam.placement.head<3>() = view.center_in_world - view.center_in_world.z() / down.z() * down;
+  beam.placement[3] = 0.4;
+  StationPart part = PartAt(beam, "part-1");
+  part.part.designation = "IPE 200";
+  part.part.standard = "EN 10365";
+  ASSERT_TRUE(workspace_->store().Apply("test", "add", {{"part", "part-1", PartToJson(part, workspace_->image_files()), {}}}));
+  // 300 mm from its beginning, on its top.
+  const double top = std::max_element(part.part.vertices.begin(), part.part.vertices.end(), [](const auto& a, const auto& b) { return a.z() < b.z(); })->z();
+  const Eigen::Vector3d at = part.part.world_from_part * Eigen::Vector3d(-200, 0, top);
+  const auto img = view.ProjectInside(at);
+  ASSERT_TRUE(img);
+  std::string answer;
+  const Json question = {{"part", "part-1"}, {"image", 0}, {"at", {img->x(), img->y()}}};
+  ASSERT_EQ(Ask(Post("/api/cut", question.dump(), kHeaders + "Content-Type: application/json\r\n"), &answer), 200) << answer;
+  const Json cut = Json::parse(answer.substr(answer.find("\r\n\r\n") + 4));
+  EXPECT_NEAR(cut["share"].get<double>(), 0.3, 1e-3);
+  EXPECT_GE(cut["pieces"].size(), 4u) << "the outline of the section is shown";
+  ASSERT_EQ(Command({{"do", "split_part"}, {"part", "part-1"}, {"share", cut["share"]}}, &answer), 200) << answer;
+  const auto parts = workspace_->Parts();
+  ASSERT_EQ(parts.size(), 2u);
+  std::vector<double> lengths;
+  for (const auto& p : parts) {
+    const auto length = std::find_if(p.part.dimensions.begin(), p.part.dimensions.end(), [](const auto& d) { return d.name == "length"; });
+    ASSERT_NE(length, p.part.dimensions.end());
+    lengths.push_back(length->value_mm);
+    EXPECT_FALSE(length->observable);
+    EXPECT_EQ(p.part.designation, "IPE 200");
+    EXPECT_EQ(p.part.standard, "EN 10365");
+  }
+  EXPECT_NEAR(lengths[0], 300, 1);
+  EXPECT_NEAR(lengths[1], 700, 1);
+  EXPECT_NEAR((parts[0].part.world_from_part.translation - parts[1].part.world_from_part.translation).norm(), 500, 1e-6);
+  const Product product = workspace_->ProductNow();
+  EXPECT_NE(ProductToJson(product, workspace_->image_files()).find("IPE 200"), std::string::npos) << "it is exported";
+  EXPECT_EQ(Command({{"do", "split_part"}, {"part", "part-1"}}, &answer), 400) << "where?";
+}
+
+TEST_F(RoutesTest, DoesNotCutWhatIsNotTheSameAllAlong) {
+  PlacedObject plate;
+  plate.model = workspace_->knowledge().Find("holed_plate");
+  plate.dimensions_mm = {600, 400, 20, 120, 50, 0};
+  ASSERT_TRUE(workspace_->store().Apply("test", "add", {{"part", "part-1", PartToJson(PartAt(plate, "part-1"), workspace_->image_files()), {}}}));
+  std::string answer;
+  EXPECT_EQ(Command({{"do", "split_part"}, {"part", "part-1"}, {"share", 0.5}}, &answer), 400);
+  EXPECT_NE(answer.find("not the same all along its length"), answer.npos) << answer;
+}
+
+TEST_F(RoutesTest, KeepsTheFeaturesOfAPartThatIsCorrected) {
+  server_.reset();
+  routes_.reset();
+  workspace_.reset();
+  fs::copy(fs::path(VSS_SOURCE_DIR) / "examples/knowledge/stiffener.kb", outside_ / "survey/stiffener.kb");
+  const fs::path file = outside_ / "survey/survey.toml";
+  const std::string text = ReadTextFile(file, 1 << 20).value();
+  ASSERT_EQ(text.find("knowledge ="), text.npos);
+  const std::size_t line = text.find('\n', text.find("format =")) + 1;
+  std::ofstream(file) << text.substr(0, line) << "knowledge = [\"box\", \"stiffener.kb\"]\n" << text.substr(line);
+  workspace_ = Workspace::Open(outside_ / "survey", {1}).value();
+  PlacedObject object;
+  object.model = workspace_->knowledge().Find("stiffener", {"sniped"});
+  ASSERT_TRUE(object.model);
+  object.dimensions_mm = object.model->UsualDimensions(std::vector<std::optional<double>>(object.model->dimensions().size()));
+  ASSERT_TRUE(workspace_->store().Apply("test", "add", {{"part", "part-1", PartToJson(PartAt(object, "part-1"), workspace_->image_files()), {}}}));
+  EXPECT_EQ(workspace_->ProductNow().parts.at(0).features, std::vector<std::string>{"sniped"});
+  const Json body = {{"kind", "stiffener"}, {"part", "part-1"}, {"picks", Json::array()}};
+  const auto corrected = QuestionOf(*workspace_, body);
+  ASSERT_TRUE(corrected) << corrected.error().message;
+  EXPECT_EQ(FeaturesOf(*corrected->model), std::vector<std::string>{"sniped"});
+  const auto fresh = QuestionOf(*workspace_, {{"kind", "stiffener"}, {"features", {"hole"}}, {"picks", Json::array()}});
+  ASSERT_TRUE(fresh) << fresh.error().message;
+  EXPECT_EQ(FeaturesOf(*fresh->model), std::vector<std::string>{"hole"});
+  EXPECT_FALSE(QuestionOf(*workspace_, {{"kind", "stiffener"}, {"features", {"wings"}}, {"picks", Json::array()}}));
+}
+
+TEST_F(RoutesTest, DrawsACurveAsAnEditThatIsKeptAndUndone) {
+  std::string answer;
+  const auto arcs = [&] { Ask(Get("/api/pictures/0/lines", kHeaders), &answer); return Json::parse(answer.substr(answer.find("\r\n\r\n") + 4))["arcs"]; };
+  const std::size_t before = arcs().size();
+  const Json draw = {{"do", "draw_arc"}, {"image", 0}, {"points", {{200, 200}, {230, 180}, {260, 205}}}};
+  ASSERT_EQ(Command(draw, &answer), 200) << answer;
+  const Json drawn = arcs();
+  ASSERT_EQ(drawn.size(), before + 1);
+  const int number = drawn.back()[0];
+  EXPECT_GE(number, kFirstDrawnLine);
+  EXPECT_TRUE(MakePick(**workspace_->Lines(0), "x", 0, number, 0, true)) << "it can be picked";
+  EXPECT_EQ(Command({{"do", "remove_line"}, {"image", 0}, {"line", number}, {"circle", true}}), 200);
+  EXPECT_EQ(arcs().size(), before);
+  EXPECT_EQ(Command({{"do", "undo"}}), 200);
+  EXPECT_EQ(arcs(), drawn);
+  EXPECT_EQ(Command({{"do", "draw_arc"}, {"image", 0}, {"points", {{200, 200}, {230, 200}, {260, 200}}}}, &answer), 400);
+  EXPECT_NE(answer.find("straight line"), answer.npos) << answer;
 }
 
 const fs::path kRig = fs::path(VSS_SOURCE_DIR) / "../shared/calibration/rig-1";

@@ -33,6 +33,21 @@ LineSegment DrawnFromJson(const Json& j, const Intrinsics& lens) {
   return s;
 }
 
+std::optional<EllipticalArc> DrawnArcFromJson(const Json& j, const Intrinsics& lens) {
+  EllipticalArc arc;
+  arc.center = Vector2d(j.at("center").at(0).get<double>(), j.at("center").at(1).get<double>());
+  arc.axes = Vector2d(j.at("axes").at(0).get<double>(), j.at("axes").at(1).get<double>());
+  arc.angle_rad = j.at("angle_rad").get<double>();
+  arc.from_rad = j.at("from_rad").get<double>();
+  arc.to_rad = j.at("to_rad").get<double>();
+  arc.contrast = j.value("contrast", 0.0);
+  arc.bright_inside = j.value("bright_inside", false);
+  arc.rms_distance_px = j.value("rms_px", 1.0);
+  arc.num_points = j.value("points", 1);
+  if (!arc.center.allFinite() || !arc.axes.allFinite() || !(arc.axes.minCoeff() > 0) || !StraightenArc(lens, arc)) return std::nullopt;
+  return arc;
+}
+
 EditedLines Edit(const LineImage& found, const Json& edits, const Intrinsics& lens) {
   EditedLines out;
   out.found = found;
@@ -46,6 +61,8 @@ EditedLines Edit(const LineImage& found, const Json& edits, const Intrinsics& le
     const LineSegment s = DrawnFromJson(d, lens);
     if (!BadDrawnLine(s)) out.drawn[d.at("line").get<int>()] = s;
   }
+  for (const auto& d : edits.value("arcs", Json::array()))
+    if (const auto arc = DrawnArcFromJson(d, lens)) out.drawn_arcs[d.at("line").get<int>()] = *arc;
   return out;
 }
 
@@ -109,6 +126,8 @@ RigidTransform TransformFromJson(const Json& j) {
   return t;
 }
 
+std::string PartsOf(const Product& product) { return fmt::format("{} part{}", product.parts.size(), product.parts.size() == 1 ? "" : "s"); }
+
 Json JsonOfUnknown(const UnknownGroup& u) { return {{"center", JsonOf(u.center)}, {"extent", JsonOf(u.extent)}, {"num_lines", u.num_lines}}; }
 
 }  // namespace
@@ -117,6 +136,11 @@ const LineSegment* EditedLines::Find(int line) const {
   if (const auto at = drawn.find(line); at != drawn.end()) return &at->second;
   if (line < 0 || std::size_t(line) >= found.segments.size() || removed[std::size_t(line)]) return nullptr;
   return &found.segments[std::size_t(line)];
+}
+
+const EllipticalArc* EditedLines::FindArc(int line) const {
+  if (const auto at = drawn_arcs.find(line); at != drawn_arcs.end()) return &at->second;
+  return line < 0 || std::size_t(line) >= found.arcs.size() ? nullptr : &found.arcs[std::size_t(line)];
 }
 
 void Straighten(const Intrinsics& lens, LineSegment& s) {
@@ -128,10 +152,11 @@ void Straighten(const Intrinsics& lens, LineSegment& s) {
   s.ideal_end = ideal(s.end);
 }
 
-LineImage FlatLines(const EditedLines& lines, std::vector<int>* numbers) {
-  LineImage out = lines.found;
+FlatLineImage FlatLines(const EditedLines& lines) {
+  FlatLineImage flat{lines.found, {}, {}};
+  LineImage& out = flat.lines;
   out.segments.clear();
-  std::vector<int> number;
+  std::vector<int>& number = flat.segment_numbers;
   for (std::size_t i = 0; i < lines.found.segments.size(); ++i) {
     if (lines.removed[i]) continue;
     number.push_back(int(i));
@@ -142,8 +167,12 @@ LineImage FlatLines(const EditedLines& lines, std::vector<int>* numbers) {
     number.push_back(line);
     out.segments.push_back(segment);
   }
-  if (numbers) *numbers = std::move(number);
-  return out;
+  for (std::size_t i = 0; i < out.arcs.size(); ++i) flat.arc_numbers.push_back(int(i));
+  for (const auto& [line, arc] : lines.drawn_arcs) {
+    flat.arc_numbers.push_back(line);
+    out.arcs.push_back(arc);
+  }
+  return flat;
 }
 
 std::string DoubtOf(const Part& part) {
@@ -298,8 +327,9 @@ std::vector<View> Workspace::Views() const {
 Result<Pick> MakePick(const EditedLines& lines, const std::string& file, int image, int line, int contour, bool is_circle) {
   Pick pick;
   if (is_circle) {
-    if (line < 0 || std::size_t(line) >= lines.found.arcs.size()) return UsageError("picture {} has no arc number {}", file, line);
-    pick = PickOfArc(image, line, lines.found.arcs[std::size_t(line)]);
+    const EllipticalArc* arc = lines.FindArc(line);
+    if (!arc) return UsageError("picture {} has no arc number {}; it may have been removed", file, line);
+    pick = PickOfArc(image, line, *arc);
   } else {
     const LineSegment* segment = lines.Find(line);
     if (!segment) return UsageError("picture {} has no line number {}; it may have been removed", file, line);
@@ -313,10 +343,9 @@ std::vector<Pick> Workspace::PicksOf(int image) {
   std::vector<Pick> picks;
   const auto lines = Lines(image);
   if (!lines) return picks;
-  std::vector<int> numbers;
-  const LineImage flat = FlatLines(**lines, &numbers);
-  for (std::size_t i = 0; i < flat.segments.size(); ++i) picks.push_back(PickOfSegment(image, numbers[i], flat.segments[i]));
-  for (std::size_t i = 0; i < flat.arcs.size(); ++i) picks.push_back(PickOfArc(image, int(i), flat.arcs[i]));
+  const auto [flat, segments, arcs] = FlatLines(**lines);
+  for (std::size_t i = 0; i < flat.segments.size(); ++i) picks.push_back(PickOfSegment(image, segments[i], flat.segments[i]));
+  for (std::size_t i = 0; i < flat.arcs.size(); ++i) picks.push_back(PickOfArc(image, arcs[i], flat.arcs[i]));
   return picks;
 }
 
@@ -374,16 +403,16 @@ Result<Part> Workspace::Measured(const Part& part) const {
 Result<ReportFiles> Workspace::Report() {
   Product product = ProductNow();
   std::vector<LineImage> lines;
-  std::vector<std::vector<int>> numbers(survey().images.size());
+  std::vector<FlatLineImage> numbers;
   for (std::size_t i = 0; i < survey().images.size(); ++i) {
     VSS_ASSIGN(const auto edited, Lines(int(i)));
-    lines.push_back(FlatLines(*edited, &numbers[i]));
+    numbers.push_back(FlatLines(*edited));
+    lines.push_back(std::move(numbers.back().lines));
   }
   // The station's numbers of lines to places in `lines`; a line that was removed is left out.
   for (auto& part : product.parts)
     std::erase_if(part.matches, [&](ContourMatch& m) {
-      if (m.is_arc) return false;
-      const auto& of = numbers[std::size_t(m.image)];
+      const auto& of = m.is_arc ? numbers[std::size_t(m.image)].arc_numbers : numbers[std::size_t(m.image)].segment_numbers;
       const auto at = std::find(of.begin(), of.end(), m.line);
       m.line = int(at - of.begin());
       return at == of.end();
@@ -565,15 +594,22 @@ Result<Json> Workspace::Run(const std::string& who, const SurveyOptions& options
   for (const auto& s : outcome.steps) run["steps"].push_back({{"step", s.step}, {"seconds", s.seconds}});
   std::vector<Change> changes = ChangesOfProduct(product);
   changes.push_back({"settings", "run", run, {}});
-  const auto revision = store_->Apply(who, fmt::format("survey: {} parts", product.parts.size()), changes);
+  const auto revision = store_->Apply(who, "survey: " + PartsOf(product), changes);
   if (!revision) return tl::unexpected<Error>({ErrorCode::kInternal, revision.error().message});
   KeepLines(survey, std::move(outcome.lines), *revision);
-  return Json{{"message", fmt::format("{} parts found", product.parts.size())}, {"revision", *revision}};
+  return Json{{"message", PartsOf(product) + " found"}, {"revision", *revision}};
 }
 
 bool Workspace::Inside(int image, const Vector2d& img) const {
   const Camera& camera = survey().cameras[std::size_t(survey().images[std::size_t(image)].camera)];
   return img.x() >= -0.5 && img.y() >= -0.5 && img.x() <= camera.width_px - 0.5 && img.y() <= camera.height_px - 0.5;
+}
+
+Result<GreyImage> Workspace::Picture(int image) const {
+  Survey one = survey();
+  one.images = {survey().images[std::size_t(image)]};
+  VSS_ASSIGN(auto pictures, ReadSurveyPictures(one, 1, Progress{}));
+  return std::move(pictures.front());
 }
 
 Result<LineSegment> Workspace::Snap(int image, const Vector2d& start, const Vector2d& end) {
@@ -584,10 +620,16 @@ Result<LineSegment> Workspace::Snap(int image, const Vector2d& start, const Vect
   drawn.end = end;
   if (const auto bad = BadDrawnLine(drawn)) return UsageError("this line cannot be taken: {}; draw it again", *bad);
   if (!Inside(image, start) || !Inside(image, end)) return UsageError("this line leaves the picture; draw it inside");
-  Survey one = survey();
-  one.images = {survey().images[std::size_t(image)]};
-  VSS_ASSIGN(const auto pictures, ReadSurveyPictures(one, 1, Progress{}));
-  return SnapToEdge(pictures.front().view(), camera.intrinsics, drawn);
+  VSS_ASSIGN(const auto picture, Picture(image));
+  return SnapToEdge(picture.view(), camera.intrinsics, drawn);
+}
+
+Result<EllipticalArc> Workspace::SnapArc(int image, const std::array<Vector2d, 3>& clicked) {
+  if (image < 0 || std::size_t(image) >= survey().images.size()) return UsageError("there is no picture number {}", image);
+  for (const auto& p : clicked)
+    if (!Inside(image, p)) return UsageError("this curve leaves the picture; click inside it");
+  VSS_ASSIGN(const auto picture, Picture(image));
+  return SnapToRim(picture.view(), Views()[std::size_t(image)], clicked);
 }
 
 }  // namespace vss::station

@@ -25,9 +25,11 @@ struct EditedLines {
   LineImage found;                 // by VSS; a line's number is its index
   std::vector<bool> removed;       // of the segments of `found`
   std::map<int, LineSegment> drawn;  // by number, from kFirstDrawnLine
+  std::map<int, EllipticalArc> drawn_arcs;
   std::int64_t version = 0;        // of the item with the operator's edits
 
   const LineSegment* Find(int line) const;  // null where there is none, or it was removed
+  const EllipticalArc* FindArc(int line) const;
 };
 
 struct WorkspaceOptions {
@@ -62,6 +64,8 @@ class Workspace {
   bool Inside(int image, const Eigen::Vector2d& img) const;
   // A straight line near start -> end (img), moved onto the sub-pixel edge where there is one.
   Result<LineSegment> Snap(int image, const Eigen::Vector2d& start, const Eigen::Vector2d& end);
+  // The rim near three points (img), likewise.
+  Result<EllipticalArc> SnapArc(int image, const std::array<Eigen::Vector2d, 3>& clicked);
 
   // The product as it stands, with its seams, for files and exports.
   Product ProductNow() const;
@@ -106,6 +110,7 @@ class Workspace {
     std::vector<View> views;
   };
   mutable LastViews last_views_;
+  Result<GreyImage> Picture(int image) const;  // grey values proportional to light
   Result<std::shared_ptr<const LineImage>> FoundLines(int image);
   std::string FreePartId(const std::vector<std::string>& also_taken) const;
   friend class Commands;
@@ -135,8 +140,12 @@ class Workspace {
 Result<Pick> MakePick(const EditedLines& lines, const std::string& file, int image, int line, int contour, bool is_circle);
 
 // The segments and arcs of a picture as Views gives them to identification: what was removed is left out, what was
-// drawn is at the end. `numbers[i]`: the station's number of segment i.
-LineImage FlatLines(const EditedLines& lines, std::vector<int>* numbers = nullptr);
+// drawn is at the end. The station's numbers of the segments and of the arcs: by their index.
+struct FlatLineImage {
+  LineImage lines;
+  std::vector<int> segment_numbers, arc_numbers;
+};
+FlatLineImage FlatLines(const EditedLines& lines);
 
 // The ideal ends of a drawn line.
 void Straighten(const Intrinsics& lens, LineSegment& segment);

@@ -1,4 +1,4 @@
-import type { CalibrationJobs, Difference, Fit, HistoryRow, KnownObject, Lines, Piece, Projection, ScenePart, SceneSeam, State, Survey } from './types';
+import type { CalibrationJobs, Cut, Difference, Fit, HistoryRow, KnownObject, Lines, Piece, Projection, ScenePart, SceneSeam, State, Survey } from './types';
 
 export class Refused extends Error {
   constructor(public status: number, message: string) { super(message); }
@@ -33,7 +33,8 @@ export const api = {
   calibrationJobs: () => ask<CalibrationJobs>('calibration'),
   manual: () => ask<{ pages: { name: string; text: string }[] }>('manual'),
   measure: (a: string, b: string) => ask<{ distance: number; sigma: number | null; delta: [number, number, number] }>(`measure?a=${encodeURIComponent(a)}&b=${encodeURIComponent(b)}`),
-  drawing: (kind: string, dimensions: Record<string, number> = {}, resting_pose = 0) => ask<{ pieces: Piece[]; size: number }>('drawing', { kind, dimensions, resting_pose }),
+  drawing: (kind: string, features: string[] | undefined, dimensions: Record<string, number> = {}, resting_pose = 0) => ask<{ pieces: Piece[]; size: number }>('drawing', { kind, features, dimensions, resting_pose }),
+  cut: (part: string, image: number, at: [number, number]) => ask<Cut>('cut', { part, image, at }),
   fit: (question: object) => ask<Fit>('fit', question),
   command: (name: string, args: object = {}) => ask<Record<string, unknown> & { revision: number }>('command', { do: name, ...args }),
 };

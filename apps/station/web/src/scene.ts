@@ -4,10 +4,28 @@ import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { SVGRenderer } from 'three/addons/renderers/SVGRenderer.js';
 import type { ScenePart, SceneSeam, Survey, Vec3 } from './types';
 
-interface Shown { id: string; group: THREE.Group; mesh: THREE.Mesh | null; edges: THREE.LineSegments; vertices: THREE.Points; colour: THREE.Color; data: ScenePart }
+interface Shown { id: string; group: THREE.Group; cap: THREE.Mesh | null; mesh: THREE.Mesh | null; edges: THREE.LineSegments; vertices: THREE.Points; colour: THREE.Color; data: ScenePart }
 export interface VertexPick { part: string; vertex: number }
 
 const reachPx = 14;
+const noClip = 1e9;      // mm: a section farther away cuts nothing
+const hatchMm = 90;      // between the lines on the face of a cut
+
+// Slanted lines, as drawings show what was cut.
+function hatch(): THREE.Texture {
+  const canvas = document.createElement('canvas'), side = 32;
+  canvas.width = canvas.height = side;
+  const c = canvas.getContext('2d')!;
+  c.fillStyle = '#fff';
+  c.fillRect(0, 0, side, side);
+  c.strokeStyle = '#555';
+  c.lineWidth = 3;
+  for (const x of [-side, 0, side]) { c.beginPath(); c.moveTo(x, side); c.lineTo(x + side, 0); c.stroke(); }
+  const texture = new THREE.CanvasTexture(canvas);
+  texture.wrapS = texture.wrapT = THREE.RepeatWrapping;
+  texture.colorSpace = THREE.SRGBColorSpace;
+  return texture;
+}
 
 export class SceneDrawing {
   readonly webgl: boolean;
@@ -21,7 +39,9 @@ export class SceneDrawing {
   private marks = new THREE.Group();
   private readonly seams = new THREE.Group();
   private ground = new THREE.Group();
-  private clip = new THREE.Plane(new THREE.Vector3(0, 0, -1), 1e9);
+  private clip = new THREE.Plane(new THREE.Vector3(0, 0, -1), noClip);
+  private readonly capPlane = new THREE.PlaneGeometry(1, 1);
+  private capOrder = 0;
   private extent = new THREE.Box3();
   private height = 1000;
   private measuring = false;
@@ -33,7 +53,7 @@ export class SceneDrawing {
     let renderer: THREE.WebGLRenderer | null = null;
     try {
       const gl = document.createElement('canvas').getContext('webgl2');
-      if (gl) renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+      if (gl) renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, stencil: true });
     } catch { renderer = null; }
     this.webgl = renderer !== null;
     this.renderer = renderer ?? new SVGRenderer();
@@ -76,6 +96,7 @@ export class SceneDrawing {
   setParts(parts: ScenePart[], colourOf: (id: string) => string, survey: Survey) {
     for (const s of this.shown) this.scene.remove(s.group);
     this.extent.makeEmpty();
+    this.capOrder = 0;
     this.shown = parts.map((p) => this.makePart(p, new THREE.Color(colourOf(p.id))));
     for (const s of this.shown) this.scene.add(s.group);
     if (this.cameras.children.length === 0) this.makeCameras(survey);
@@ -93,7 +114,7 @@ export class SceneDrawing {
     const group = new THREE.Group();
     const points = p.vertices.map((v) => new THREE.Vector3(...v));
     for (const v of points) this.extent.expandByPoint(v);
-    let mesh: THREE.Mesh | null = null;
+    let mesh: THREE.Mesh | null = null, cap: THREE.Mesh | null = null;
     if (p.triangles.length > 0) {
       const geometry = new THREE.BufferGeometry();
       geometry.setAttribute('position', new THREE.Float32BufferAttribute(p.triangles, 3));
@@ -104,6 +125,7 @@ export class SceneDrawing {
       mesh = new THREE.Mesh(geometry, material);
       mesh.userData.part = p.id;
       group.add(mesh);
+      if (this.webgl) cap = this.makeCap(group, geometry, colour);
     }
     const ends: number[] = [];
     for (const [a, b] of p.edges) ends.push(...p.vertices[a], ...p.vertices[b]);
@@ -121,7 +143,37 @@ export class SceneDrawing {
     const vertices = new THREE.Points(new THREE.BufferGeometry().setFromPoints(points), new THREE.PointsMaterial({ color: '#ffffff', size: 7, sizeAttenuation: false, depthTest: false }));
     vertices.visible = false;
     group.add(edges, vertices);
-    return { id: p.id, group, mesh, edges, vertices, colour, data: p };
+    return { id: p.id, group, cap, mesh, edges, vertices, colour, data: p };
+  }
+
+  // The face of the cut. Where a ray through the clipped solid meets more back faces than front faces, the cut lies inside
+  // it: the stencil counts them, and the cap is drawn where the count is not zero (as in three.js' example clipping_stencil).
+  private makeCap(group: THREE.Group, geometry: THREE.BufferGeometry, colour: THREE.Color): THREE.Mesh {
+    const order = 1 + 2 * this.capOrder++;
+    for (const [side, op] of [[THREE.BackSide, THREE.IncrementWrapStencilOp], [THREE.FrontSide, THREE.DecrementWrapStencilOp]] as const) {
+      const count = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ side, clippingPlanes: [this.clip], colorWrite: false, depthWrite: false, depthTest: false, stencilWrite: true, stencilFunc: THREE.AlwaysStencilFunc, stencilFail: op, stencilZFail: op, stencilZPass: op }));
+      count.renderOrder = order;
+      group.add(count);
+    }
+    const cap = new THREE.Mesh(this.capPlane, new THREE.MeshBasicMaterial({ color: colour, map: hatch(), side: THREE.DoubleSide, stencilWrite: true, stencilRef: 0, stencilFunc: THREE.NotEqualStencilFunc, stencilFail: THREE.ReplaceStencilOp, stencilZFail: THREE.ReplaceStencilOp, stencilZPass: THREE.ReplaceStencilOp }));
+    cap.renderOrder = order + 1;
+    cap.onAfterRender = (renderer) => renderer.clearStencil();
+    cap.visible = false;
+    group.add(cap);
+    return cap;
+  }
+  private placeCaps() {
+    const reach = Math.max(1000, this.extent.getSize(new THREE.Vector3()).length()), center = this.extent.getCenter(new THREE.Vector3());
+    for (const { cap } of this.shown) {
+      if (!cap) continue;
+      cap.visible = this.clip.constant < noClip;
+      if (!cap.visible) continue;
+      this.clip.projectPoint(center, cap.position);
+      cap.scale.setScalar(reach);
+      cap.lookAt(cap.position.clone().sub(this.clip.normal));
+      const map = (cap.material as THREE.MeshBasicMaterial).map!;
+      map.repeat.setScalar(reach / hatchMm);
+    }
   }
 
   private makeGround() {
@@ -176,7 +228,8 @@ export class SceneDrawing {
   setSection(axis: 'x' | 'y' | 'z', percent: number) {
     const low = axis === 'z' ? 0 : this.extent.min[axis], high = axis === 'z' ? this.height : this.extent.max[axis];
     this.clip.normal.set(axis === 'x' ? -1 : 0, axis === 'y' ? -1 : 0, axis === 'z' ? -1 : 0);
-    this.clip.constant = percent >= 100 ? 1e9 : low + ((high - low) * percent) / 100 + 0.01;
+    this.clip.constant = percent >= 100 ? noClip : low + ((high - low) * percent) / 100 + 0.01;
+    this.placeCaps();
     this.ask();
   }
   setMeasuring(yes: boolean) { this.measuring = yes; for (const s of this.shown) s.vertices.visible = yes; this.ask(); }

@@ -8,14 +8,14 @@ import { t } from './texts';
 import type { Fit, Hint, Item, KnownObject, Lines, Parameter, Part, Pick, Projection, Run, ScenePart, SceneSeam, State, Survey } from './types';
 
 export type Tab = 'parts' | 'todo' | 'build' | 'parameters' | 'cameras' | 'history' | 'help';
-export type Tool = 'look' | 'draw' | 'split' | 'extend' | 'merge' | 'remove';
+export type Tool = 'look' | 'draw' | 'arc' | 'cut' | 'split' | 'extend' | 'merge' | 'remove';
 export type ViewMode = 'picture' | 'scene' | 'both';
 export interface Layers { picture: boolean; lines: boolean; parts: boolean; hidden: boolean; residuals: boolean; vertices: boolean }
 export interface Toast { text: string; bad: boolean; id: number }
 export interface LoadedLines extends Lines { index: LineIndex; stamp: string }
 
 export interface Build {
-  kind: string; part: string; standsOn: string; restingPose: string; picks: Pick[]; fixed: Record<string, number>; contour: { index: number; circle: boolean } | null; chosen?: boolean;  // chosen: by the operator, not by the page
+  kind: string; features?: string[]; part: string; standsOn: string; restingPose: string; picks: Pick[]; fixed: Record<string, number>; contour: { index: number; circle: boolean } | null; chosen?: boolean;  // chosen: by the operator, not by the page
 }
 
 function remembered<T>(name: string, otherwise: T): T {
@@ -217,6 +217,7 @@ class Station {
   }
 
   select(id: string) {
+    if (id !== this.selected && this.tool === 'cut') this.tool = 'look';
     this.selected = id;
     if (id) this.guideDone.select = true;
   }
@@ -304,6 +305,7 @@ class Station {
   undoIt() { return this.command('undo', () => this.undo && { edit: this.undo.edit }); }
   redoIt() { return this.command('redo', () => this.redo && { edit: this.redo.edit }); }
   confirm(part: Part, confirmed = true) { return this.command('confirm_part', { part: part.id, confirmed, version: this.version('part', part.id) }); }
+  removeLine(line: Found) { return this.command('remove_line', { image: this.image, line: line.line, circle: line.circle, version: this.version('lines', this.fileOf(this.image)) }); }
   remove(part: Part) { return this.command('delete_part', { part: part.id, version: this.version('part', part.id) }); }
 
   // ---- by hand ----
@@ -316,7 +318,7 @@ class Station {
   correct(part: Part) {
     const picks = part.matches.map((m) => ({ image: this.imageOf(m.image), line: m.line, contour: m.edge, circle: m.arc, residual_px: m.residual_px }));
     const fixed = Object.fromEntries(Object.entries(part.dimensions).filter(([, d]) => d.origin === 'given by the operator').map(([n, d]) => [n, d.value]));
-    this.build = { kind: part.kind, part: part.id, standsOn: part.stands_on, restingPose: part.resting_pose, picks, fixed, contour: null };
+    this.build = { kind: part.kind, features: part.features, part: part.id, standsOn: part.stands_on, restingPose: part.resting_pose, picks, fixed, contour: null };
     this.fit = null; this.fitError = '';
     this.tab = 'build'; this.tool = 'look';
     this.selected = part.id;
@@ -327,7 +329,7 @@ class Station {
   private question(collect = false) {
     const b = this.build!;
     return {
-      kind: b.kind, part: b.part || undefined, stands_on: b.standsOn, resting_pose: b.restingPose || undefined, fixed: b.fixed, collect, image: this.image,
+      kind: b.kind, features: b.features, part: b.part || undefined, stands_on: b.standsOn, resting_pose: b.restingPose || undefined, fixed: b.fixed, collect, image: this.image,
       picks: b.picks.map(({ image, line, contour, circle }) => ({ image, line, contour, circle })),
     };
   }

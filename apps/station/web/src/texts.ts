@@ -28,13 +28,15 @@ export const t = {
     colourBy: 'Colour lines by', strength: 'strength', use: 'use', part: 'part', contrast: 'Contrast', gamma: 'Gamma', magnify: 'Residuals magnified',
   },
   tools: {
-    title: 'Tools', look: 'Look and pick', draw: 'Draw a missing line', split: 'Split a line', extend: 'Extend a line', merge: 'Merge two lines', remove: 'Remove the line',
+    title: 'Tools', look: 'Look and pick', draw: 'Draw a missing line', arc: 'Draw a missing curve', cut: 'Cut the part', split: 'Split a line', extend: 'Extend a line', merge: 'Merge two lines', remove: 'Remove the line',
     hint: {
-      look: 'Click a part or a line. Wheel zooms, drag pans.', draw: 'Drag along the edge: the line snaps to it.', split: 'Click where the line is to be split.',
+      look: 'Click a part or a line. Wheel zooms, drag pans.', draw: 'Drag along the edge: the line snaps to it.', arc: 'Click three points of the curve: it snaps to the edge and follows it.', cut: 'Point at the part, and click where it is to be cut.', split: 'Click where the line is to be split.',
       extend: 'Click beyond the end of a line: its nearer end moves there.', merge: 'Click two lines that are one edge.', remove: 'Click a line to remove it.',
       build: 'Click the line that shows the highlighted contour.', placed: 'Click any line of the part: its contour is known. Shift and drag takes all in a box.',
     } as Record<string, string>,
   },
+  arcPoint: (n: number) => `Click the ${['first', 'second', 'last'][n]} of three points of the curve.`, notSnapped: 'No edge was found there: it stays as drawn, and counts little.',
+  wouldCut: ([a, b]: [number, number]) => `Click: cuts it into ${a.toFixed(0)} and ${b.toFixed(0)} mm`,
   wouldSelect: (part: string) => `Click: selects ${part}`, wouldSelectLine: 'Click: selects this line',
   pointer: (u: number, v: number, g: number | null) => `u ${u.toFixed(1)}  v ${v.toFixed(1)}${g === null ? '' : `  grey ${g}`}`,
   zoom: (s: number) => `${Math.round(s * 100)} %`, fitView: 'Show the whole picture', zoomIn: 'Zoom in', zoomOut: 'Zoom out', previous: 'Previous picture', next: 'Next picture',
@@ -42,7 +44,7 @@ export const t = {
   parts: {
     none: 'No parts yet.', noneHint: 'Run the survey, or build a part by hand.', source: { automatic: 'automatic', corrected: 'corrected', manual: 'by hand' },
     doubtful: 'doubtful', confirmed: 'confirmed', confirm: 'Confirm', unconfirm: 'Take back', correct: 'Correct lines', remove: 'Delete', refit: 'Fit its lines', refitHelp: 'Takes every line that lies on the part and fits it to them', measure: 'Measure', measureHelp: 'Measures its edges in the grey values of all pictures, as the survey does',
-    kind: 'Other kind…', split: 'Split', merge: 'Merge with…', dimension: 'Dimension', value: 'mm', sigma: '± 2σ', notObservable: 'not observable', given: 'given',
+    kind: 'Other kind…', split: 'Split', splitHelp: 'Cuts it in two where you point at it in the picture', merge: 'Merge with…', size: 'Standard size', oneOf: (names: string[]) => `${names.join(' or ')}`, features: 'With', plain: 'nothing more', dimension: 'Dimension', value: 'mm', sigma: '± 2σ', notObservable: 'not observable', given: 'given',
     position: 'Position', yaw: 'Turned by', residual: 'Residual', seenIn: 'Used in', standsOn: 'Stands on', runnerUp: (kind: string, mine: number, other: number) => `Second best: ${kind} (${other.toFixed(0)} against ${mine.toFixed(0)})`,
     pictures: (n: number) => plural(n, 'picture'), lines: (n: number) => plural(n, 'line'), ground: 'the ground', total: (n: number) => plural(n, 'part'),
     origin: (o: string) => o,
@@ -91,7 +93,7 @@ export const t = {
   keys: {
     keys: 'These shortcuts', picture: 'Picture', scene: '3D', both: 'Picture and 3D', previous: 'Previous picture', next: 'Next picture', zoomIn: 'Zoom in', zoomOut: 'Zoom out', whole: 'Whole picture',
     left: 'Look left', right: 'Look right', up: 'Look up', down: 'Look down', grey: 'Grey picture', lines: 'Lines', parts: 'Parts', hidden: 'Hidden edges', residuals: 'Residuals', vertices: 'Vertices', colour: 'Colour of the lines',
-    doubtful: 'Next doubtful part', confirm: 'Confirm the selected part', build: 'New part by hand', correct: 'Correct lines of the selected part', collect: 'Take all lines that fit', draw: 'Draw a missing line', split: 'Split a line', extend: 'Extend a line', merge: 'Merge two lines',
+    doubtful: 'Next doubtful part', confirm: 'Confirm the selected part', build: 'New part by hand', correct: 'Correct lines of the selected part', collect: 'Take all lines that fit', draw: 'Draw a missing line', curve: 'Draw a missing curve', split: 'Split a line', extend: 'Extend a line', merge: 'Merge two lines',
     delete: 'Delete the part, or remove the line',
   } as Record<string, string>,
   fixedKeys: [

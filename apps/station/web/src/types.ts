@@ -5,10 +5,10 @@ export interface SurveyImage { file: string; camera: number; center: Vec3; rotat
 export interface Camera { id: string; width: number; height: number; fx: number; fy: number; cx: number; cy: number; residual_px: number | null }
 export interface Survey { name: string; step: boolean; images: SurveyImage[]; cameras: Camera[]; warnings: string[]; version: string }
 
-export interface Dimension { value: number; sigma: number | null; observable: boolean; origin?: string }
+export interface Dimension { value: number; sigma: number | null; observable: boolean; origin?: string; nominal?: number }
 export interface Match { image: string; line: number; edge: number; arc: boolean; residual_px: number }
 export interface Part {
-  id: string; kind: string; source: 'automatic' | 'corrected' | 'manual';
+  id: string; kind: string; features?: string[]; designation?: string; standard?: string; designation_candidates?: string[]; source: 'automatic' | 'corrected' | 'manual';
   resting_pose: string; stands_on: string; residual_px: number; doubtful: boolean; log_odds: number;
   confirmed: boolean; doubt: string;
   pose: { position: Vec3; rotation: [Vec3, Vec3, Vec3]; yaw: number };
@@ -37,13 +37,15 @@ export interface Piece { source: 'edge' | 'circle' | 'limb'; index: number; hidd
 export interface Projection { parts: Record<string, { pieces: Piece[]; vertices: ([number, number, number] | null)[] }> }
 
 export interface KnownObject {
-  kind: string; title: string; resting_poses: string[];
+  kind: string; title: string; resting_poses: string[]; variants: string[][];
   dimensions: { name: string; min: number; max: number; usual: number; help: string }[];
 }
 
 export interface Pick { image: number; line: number; contour: number; circle: boolean; residual_px?: number | null }
 export interface Hint { dimension: string; image: number; contour: number; circle: boolean }
 export interface Fit { part: Part; picks: Pick[]; projections: Record<string, Piece[]>; hints: Hint[]; placed: boolean; rms_px: number; ms: number }
+
+export interface Cut { share: number; lengths: [number, number]; pieces: Piece[] }
 
 export interface HistoryRow { revision: number; edit: number; action: 'edit' | 'undo' | 'redo'; who: string; when: string; label: string }
 export interface Difference { kind: string; id: string; before: unknown; after: unknown }

@@ -2,8 +2,10 @@
 //   node end_to_end.mjs VSS SURVEY      VSS: the program; SURVEY: a folder with survey.toml and truth.json
 // VSS_SCREENSHOTS=DIR writes the manual's pictures there; VSS_FAILURES=DIR the page where a test failed.
 import assert from 'node:assert/strict';
-import { cpSync, existsSync, mkdirSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { execFileSync } from 'node:child_process';
+import { cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
+import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { ask, copySurvey, startBrowser, startStation, vertexError } from './harness.mjs';
 
@@ -36,10 +38,17 @@ const closest = (t, list) => Math.min(...list.filter((p) => p.kind === t.kind).m
 const tab = (name) => page.locator(`#tab-${name}`).click();
 
 // Picture px to the screen while the whole picture is shown.
-const toScreen = async () => {
-  const box = await page.locator('.picture').boundingBox(), size = (await ask(station.url, 'survey')).json.cameras[0];
+const toScreen = async (on = page, of = station) => {
+  const box = await on.locator('.picture').boundingBox(), size = (await ask(of.url, 'survey')).json.cameras[0];
   const scale = Math.min(box.width / size.width, box.height / size.height) * 0.97;
   return ([u, v]) => [box.x + (box.width - scale * size.width) / 2 + scale * (u + 0.5), box.y + (box.height - scale * size.height) / 2 + scale * (v + 0.5)];
+};
+
+// A place in the world as a pinhole would show it, px: the lens bends it by some pixels.
+const pixelIn = ({ images, cameras }, image, [x, y, z]) => {
+  const im = images[image], c = cameras[im.camera];
+  const [u, v, w] = im.rotation.map((row) => [x, y, z].reduce((sum, value, k) => sum + row[k] * (value - im.center[k]), 0));
+  return [c.cx + (c.fx * u) / w, c.cy + (c.fy * v) / w];
 };
 
 let failed = 0;
@@ -181,12 +190,28 @@ await test('leads through what is doubtful', async () => {
   await page.locator('body').press('n');
   await page.getByText('What needs you').waitFor();
   const tasks = await page.locator('.panel .card .grow').count();
-  const whole = (await parts()).find((p) => p.kind === 'box'), count = (await parts()).length;
+  const all = await parts(), whole = all.find((p) => p.kind === 'box'), count = all.length;
   await tab('parts');
   const item = page.locator('.panel li .item', { hasText: whole.id }).first();
   if ((await item.getAttribute('aria-pressed')) !== 'true') await item.click();
   await page.getByRole('button', { name: 'Split', exact: true }).click();
+  // Points at it near one end: a quarter of its length from there.
+  await page.locator('.picture.cross').waitFor();
+  await page.waitForFunction(() => document.body.dataset.picture === String([...document.querySelectorAll('.strip button')].findIndex((b) => b.classList.contains('on'))));
+  await page.keyboard.press('0');
+  const image = Number(await page.evaluate(() => document.body.dataset.picture)), along = whole.pose.rotation.map((row) => row[0]);
+  const place = whole.pose.position.map((x, k) => x - 0.25 * whole.dimensions.length.value * along[k] + (k === 2 ? whole.dimensions.height.value : 0));
+  const screen = await toScreen(), at = screen(pixelIn((await ask(station.url, 'survey')).json, image, place));
+  await page.mouse.move(at[0] + 3, at[1]);
+  await page.mouse.move(...at);
+  await page.locator('.picture polyline.cut').first().waitFor({ state: 'attached' });
+  await page.getByText(/Click: cuts it into \d+ and \d+ mm/).waitFor();
+  await shot('split');
+  await page.mouse.click(...at);
   await until('it is split', async () => (await parts()).length === count + 1);
+  const pieces = (await parts()).filter((p) => !all.some((o) => o.id === p.id) || p.id === whole.id), lengths = pieces.map((p) => Math.max(p.dimensions.length.value, p.dimensions.width.value));
+  console.log(`        ${whole.dimensions.length.value.toFixed(0)} mm cut into ${pieces.map((p) => `${p.dimensions.length.value.toFixed(0)} x ${p.dimensions.width.value.toFixed(0)}`).join(' and ')}`);
+  assert.ok(pieces.some((p) => [p.dimensions.length.value, p.dimensions.width.value].some((d) => Math.abs(d - 0.25 * whole.dimensions.length.value) < 0.03 * whole.dimensions.length.value)), `the cut is elsewhere: ${lengths}`);
   const cut = page.locator('.card.current').getByText(/It was split/);
   await page.locator('body').press('n');
   for (let i = 0; i <= tasks && !(await cut.isVisible()); i++) await page.locator('body').press('n');
@@ -209,6 +234,33 @@ await test('shows the 3D view, and a click on a part there selects it everywhere
   for (let i = 0; i < 100 && !(await pressed.count()); i++) await page.mouse.click(box.x + box.width * (0.25 + 0.05 * (i % 10)), box.y + box.height * (0.25 + 0.05 * Math.floor(i / 10)));
   await pressed.waitFor();
   await shot('scene');
+  // Cut open: the face of the cut is drawn in the part's own colour, which no lit face has.
+  const flat = async () => page.evaluate(async ([picture, colours]) => {
+    const bitmap = await createImageBitmap(new Blob([Uint8Array.from(atob(picture), (c) => c.charCodeAt(0))], { type: 'image/png' })), canvas = new OffscreenCanvas(bitmap.width, bitmap.height), context = canvas.getContext('2d');
+    context.drawImage(bitmap, 0, 0);
+    const { data } = context.getImageData(0, 0, bitmap.width, bitmap.height);
+    let count = 0;
+    for (let i = 0; i < data.length; i += 4) if (colours.some((c) => c.every((x, k) => Math.abs(x - data[i + k]) < 3))) count++;
+    return count;
+  }, [(await page.locator('.scene').screenshot()).toString('base64'), palette]);
+  const palette = ['4cc9f0', 'f9a03f', '9ee37d', 'f56fa1', 'b79cff', 'ffe066', '5ce1c6', 'ff8a71', '8ab4ff', 'd6a2e8'].map((c) => [0, 2, 4].map((i) => parseInt(c.slice(i, i + 2), 16)));
+  if (await page.getByText('This browser has no WebGL').isVisible()) console.log('        NOT TESTED: faces of a cut need WebGL');
+  else {
+    await page.locator('body').press('2');
+    await page.keyboard.press('Escape');
+    await page.getByRole('button', { name: 'Cameras', pressed: true }).click();
+    await page.getByRole('button', { name: 'Reset view' }).click();
+    await page.waitForTimeout(300);
+    const uncut = await flat();
+    await page.getByRole('slider', { name: 'Section' }).fill('40');
+    await page.waitForTimeout(300);
+    const faces = (await flat()) - uncut;
+    console.log(`        ${faces} px of the faces of the cut`);
+    assert.ok(faces > 500, `only ${faces} px of faces`);
+    await shot('section');
+    await page.getByRole('slider', { name: 'Section' }).fill('100');
+    await page.getByRole('button', { name: 'Cameras', pressed: false }).click();
+  }
   const one = (await parts()).find((p) => p.kind === 'box'), edge = one.edges[0], measured = (await ask(station.url, `measure?a=${one.id}:${edge[0]}&b=${one.id}:${edge[1]}`)).json;
   assert.ok(Math.abs(measured.distance - Math.hypot(...one.vertices[edge[0]].map((x, i) => x - one.vertices[edge[1]][i]))) < 1e-6 && measured.sigma > 0 && measured.sigma < 5);
   await page.locator('body').press('1');
@@ -228,6 +280,50 @@ await test('draws a missing line with the mouse, and undoes it', async () => {
   await page.keyboard.press('Escape');
   await page.keyboard.press('Control+z');
   await until('it is undone', async () => (await segments()).length === before.length);
+});
+
+await test('draws a missing curve with three clicks: it snaps to its edge and follows it, and is undone', async () => {
+  const made = mkdtempSync(join(tmpdir(), 'vss-pipe-')), scene = join(made, 'scene.toml'), height = 300, radius = 300, centre = [150, 60, height];
+  writeFileSync(scene, `format = "vss-scene/1"
+name = "a pipe"
+rig = { cameras = 1, height = 3000, out = 0, tilt = 6, focal_length = 520, size = [512, 512], distortion = [0, 0, 0, 0, 0], stops_x = [0], stops_y = [0] }
+[[part]]
+kind = "pipe"
+dimensions = { diameter = ${2 * radius}, height = ${height}, wall = 60 }
+position = [${centre[0]}, ${centre[1]}]
+`);
+  execFileSync(vss, ['simulate', scene, '-o', join(made, 'survey')], { stdio: 'ignore' });
+  const pipe = await startStation(vss, join(made, 'survey')), other = await browser.context.newPage();
+  try {
+    await other.goto(pipe.url);
+    await other.waitForFunction(() => document.body.dataset.picture === '0');
+    await other.keyboard.press('1');
+    const info = (await ask(pipe.url, 'survey')).json, arcs = async () => (await ask(pipe.url, 'pictures/0/lines')).json.arcs, before = (await arcs()).length;
+    const screen = await toScreen(other, pipe), on = (turn, off) => pixelIn(info, 0, [centre[0] + (radius + off) * Math.cos(turn), centre[1] + (radius + off) * Math.sin(turn), height]);
+    await other.keyboard.press('0');
+    await other.keyboard.press('o');
+    for (const turn of [0.3, 1.4]) await other.mouse.click(...screen(on(turn, 8)));  // 8 mm: more than a pixel beside it
+    await other.mouse.move(...screen(on(2.6, 8)));
+    await other.locator('.picture path.drawn').waitFor({ state: 'attached' });
+    await other.getByText('Click the last of three points').waitFor();
+    if (shots) await other.screenshot({ path: join(shots, 'curve.jpg'), type: 'jpeg', quality: 78 });
+    await other.mouse.click(...screen(on(2.6, 8)));
+    await until('the curve is there', async () => (await arcs()).length === before + 1);
+    const [, u, v, a, b, angle, from, to, contrast] = (await arcs()).at(-1);
+    assert.ok(contrast > 0, 'it did not snap');
+    const points = [...Array(25).keys()].map((k) => { const t = from + ((to - from) * k) / 24, x = a * Math.cos(t), y = b * Math.sin(t); return [u + Math.cos(angle) * x - Math.sin(angle) * y, v + Math.sin(angle) * x + Math.cos(angle) * y]; });
+    const truth = [...Array(720).keys()].map((k) => on((k * Math.PI) / 360, 0)), off = Math.max(...points.map((p) => Math.min(...truth.map((q) => Math.hypot(p[0] - q[0], p[1] - q[1])))));
+    console.log(`        three clicks beside a rim: ${(((to - from) * 180) / Math.PI).toFixed(0)} degrees of it, off by ${off.toFixed(2)} px at most`);
+    assert.ok(off < 0.6, `off by ${off} px`);
+    assert.ok(to - from > 3, 'it was not followed beyond the clicks');
+    await other.keyboard.press('Escape');
+    await other.keyboard.press('Control+z');
+    await until('it is undone', async () => (await arcs()).length === before);
+  } finally {
+    await other.close();
+    await pipe.kill();
+    rmSync(made, { recursive: true, force: true });
+  }
 });
 
 await test('sets a parameter, says so in the history, and takes it back', async () => {
