@@ -50,16 +50,12 @@ export async function download(path: string) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
-// The picture that was open last is asked for before anything else is known.
-let early: { image: number; answer: Promise<Response> } | null = null;
-export function fetchEarly(image: number) {
-  early = { image, answer: fetch(`/api/pictures/${image}/image`) };
-  early.answer.catch(() => {});
-}
+// The first picture is on its way already (public/early.js).
+declare global { interface Window { vssEarly?: { image: number; answer: Promise<Response> } } }
 export function fetchPicture(image: number): Promise<Response> {
-  const answer = early?.image === image ? early.answer : fetch(`/api/pictures/${image}/image`);
-  early = null;
-  return answer;
+  const early = window.vssEarly;
+  window.vssEarly = undefined;
+  return early?.image === image ? early.answer : fetch(`/api/pictures/${image}/image`);
 }
 
 // Messages of the server; opens again by itself after the server was away.

@@ -1,8 +1,8 @@
 import { mount } from 'svelte';
-import { fetchEarly, Refused } from './api';
+import { Refused } from './api';
 import App from './App.svelte';
 import './app.css';
-import { lastImage, station } from './station.svelte';
+import { station } from './station.svelte';
 
 // What the server refuses while something is fetched in the background.
 window.addEventListener('unhandledrejection', (e) => {
@@ -10,5 +10,4 @@ window.addEventListener('unhandledrejection', (e) => {
   e.preventDefault();
   station.complain(e.reason);
 });
-fetchEarly(lastImage());
 mount(App, { target: document.body });

@@ -25,7 +25,7 @@ function remember(name: string, value: unknown) {
   try { localStorage.setItem('vss.' + name, JSON.stringify(value)); } catch { /* a private window keeps nothing */ }
 }
 
-export function lastImage(): number { return remembered('page', { image: 0 }).image; }
+const longestWaitMs = 2000;  // that the rest waits for the first picture
 
 class Station {
   survey = $state.raw<Survey | null>(null);
@@ -41,7 +41,7 @@ class Station {
   fatal = $state('');
   toasts = $state<Toast[]>([]);
 
-  image = $state(0);
+  image = $state(remembered('page', { image: 0 }).image);
   selected = $state('');                 // a part
   hovered = $state('');
   line = $state<Found | null>(null);     // a line of the present picture
@@ -93,12 +93,15 @@ class Station {
 
   async start() {
     const kept = remembered('page', { image: 0, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, contrast: 1, gamma: 1, magnify: this.magnify, keys: this.keys });
-    Object.assign(this, { ...kept, image: 0, layers: { ...this.layers, ...kept.layers } });
+    Object.assign(this, { ...kept, image: this.image, layers: { ...this.layers, ...kept.layers } });
     setWho(this.who);
     try {
       this.survey = await api.survey();
       this.image = Math.min(kept.image, this.survey.images.length - 1);
+      setTimeout(() => this.firstPictureShown(), this.view === 'scene' ? 0 : longestWaitMs);  // where none is shown, or it cannot be read
       await this.refresh();
+      this.started = true;
+      this.loadRest();
       this.objects = (await api.knowledge()).objects;
     } catch (e) {
       this.fatal = (e as Error).message;
@@ -112,11 +115,14 @@ class Station {
     });
   }
 
+  private started = false;               // survey and parts are known
+  private loadRest() { if (this.pictured && this.started) void this.loadPicture(this.image).then(() => this.loadAllLines()); }
+
   // What is not needed for the first picture waits for it.
   firstPictureShown() {
     if (this.pictured) return;
     this.pictured = true;
-    void this.loadAllLines();
+    this.loadRest();
   }
 
   keep() {
@@ -173,7 +179,7 @@ class Station {
       this.survey = await api.survey();
       void this.loadAllLines();
     }
-    void this.loadPicture(this.image);
+    if (this.pictured && this.started) void this.loadPicture(this.image);
     if (this.view !== 'picture') void this.loadScene();
   }
 
