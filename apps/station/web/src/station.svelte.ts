@@ -237,13 +237,18 @@ class Station {
     const best = [...count].sort((a, b) => b[1] - a[1])[0]?.[0];
     return best ? this.imageOf(best) : this.nearestImageOf(part.pose.position);
   }
+  // A place of the world in a picture, px, as a pinhole would show it; null behind the camera.
+  private seenAt(place: number[], image: number): [number, number] | null {
+    const im = this.survey!.images[image], c = this.survey!.cameras[im.camera], d = place.map((x, k) => x - im.center[k]);
+    const [x, y, z] = im.rotation.map((row) => row[0] * d[0] + row[1] * d[1] + row[2] * d[2]);
+    return z > 0 ? [(c.fx * x) / z + c.cx, (c.fy * y) / z + c.cy] : null;
+  }
   // The picture in whose middle a place lies most nearly.
   private nearestImageOf(place: [number, number, number]): number {
     let best = this.image, least = Infinity;
     this.survey?.images.forEach((im, i) => {
-      const c = this.survey!.cameras[im.camera], d = place.map((x, k) => x - im.center[k]);
-      const [x, y, z] = im.rotation.map((row) => row[0] * d[0] + row[1] * d[1] + row[2] * d[2]);
-      const off = z > 0 ? Math.hypot((c.fx * x) / z + c.cx - c.width / 2, (c.fy * y) / z + c.cy - c.height / 2) : Infinity;
+      const c = this.survey!.cameras[im.camera], at = this.seenAt(place, i);
+      const off = at ? Math.hypot(at[0] - c.width / 2, at[1] - c.height / 2) : Infinity;
       if (off < least) { least = off; best = i; }
     });
     return best;
@@ -260,7 +265,20 @@ class Station {
     this.guideDone.doubt = true;
     const part = this.parts.find((p) => p.id === id);
     this.selected = id;
-    if (part) await this.showPart(part);
+    if (part) { await this.showPart(part); return; }
+    const group = this.unknown[Number(/^unknown-(\d+)$/.exec(id)?.[1]) - 1];
+    if (group) this.showPlace(group.center, group.extent);
+  }
+
+  // A box of the world (mm, centre and extent) in the picture in whose middle it lies.
+  private showPlace(center: [number, number, number], extent: [number, number, number]) {
+    this.go(this.nearestImageOf(center));
+    const us: number[] = [], vs: number[] = [];
+    for (const corner of [0, 1, 2, 3, 4, 5, 6, 7]) {
+      const at = this.seenAt(center.map((x, k) => x + (extent[k] / 2) * ((corner >> k) & 1 ? 1 : -1)), this.image);
+      if (at) { us.push(at[0]); vs.push(at[1]); }
+    }
+    if (us.length > 1) this.show?.(Math.min(...us), Math.min(...vs), Math.max(...us), Math.max(...vs));
   }
 
   async showPart(part: Part) {
@@ -311,6 +329,7 @@ class Station {
   undoIt() { return this.command('undo', () => this.undo && { edit: this.undo.edit }); }
   redoIt() { return this.command('redo', () => this.redo && { edit: this.redo.edit }); }
   confirm(part: Part, confirmed = true) { return this.command('confirm_part', { part: part.id, confirmed, version: this.version('part', part.id) }); }
+  measure(part: Part) { return this.command('measure_part', { part: part.id, version: this.version('part', part.id) }); }
   removeLine(line: Found) { return this.command('remove_line', { image: this.image, line: line.line, circle: line.circle, version: this.version('lines', this.fileOf(this.image)) }); }
   remove(part: Part) { return this.command('delete_part', { part: part.id, version: this.version('part', part.id) }); }
 

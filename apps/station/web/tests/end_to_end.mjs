@@ -222,6 +222,26 @@ await test('leads through what is doubtful', async () => {
   await until('the queue is as it was', async () => (await page.locator('.panel .card .grow').count()) === tasks);
 });
 
+await test('shows where lines look like an object that nothing describes', async () => {
+  const place = (await parts())[0].pose.position, other = await browser.context.newPage();
+  await other.route('**/api/state*', async (route) => {
+    const response = await route.fetch(), state = await response.json();
+    for (const item of state.items) if (item.kind === 'settings' && item.id === 'run') item.value.unknown = [{ center: place, extent: [500, 500, 100], num_lines: 9 }];
+    await route.fulfill({ response, json: state });
+  });
+  await other.goto(station.url);
+  await other.waitForFunction(() => document.body.dataset.picture !== undefined);
+  await other.locator('#tab-todo').click();
+  const card = other.locator('.panel .card', { hasText: '9 lines here look like an object' });
+  const zoom = async () => other.locator('.picture .status span').last().innerText(), before = await zoom();
+  await card.getByRole('button', { name: 'Show it' }).click();
+  await until('the picture is zoomed to it', async () => (await zoom()) !== before);
+  const { images, cameras } = (await ask(station.url, 'survey')).json, shown = Number(await other.evaluate(() => document.querySelector('.strip [aria-current]') && [...document.querySelectorAll('.strip button')].findIndex((b) => b.classList.contains('on'))));
+  const [u, v] = pixelIn({ images, cameras }, shown, place);
+  assert.ok(u > 0 && v > 0 && u < cameras[0].width && v < cameras[0].height, 'it is not in that picture');
+  await other.close();
+});
+
 await test('shows the 3D view, and a click on a part there selects it everywhere', async () => {
   const all = (await parts()).length;
   await page.keyboard.press('Escape');
