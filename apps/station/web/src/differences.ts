@@ -24,7 +24,7 @@ function changesOf(before: Part, after: Part): string {
   if (before.confirmed !== after.confirmed) out.push(after.confirmed ? 'confirmed' : 'no longer confirmed');
   for (const [name, d] of Object.entries(after.dimensions)) {
     const old = before.dimensions[name];
-    if (old && Math.abs(old.value - d.value) > 0.005) out.push(`${name} ${old.value.toFixed(2)} → ${d.value.toFixed(2)}`);
+    if (old && old.value.toFixed(2) !== d.value.toFixed(2)) out.push(`${name} ${old.value.toFixed(2)} → ${d.value.toFixed(2)}`);
   }
   const moved = Math.hypot(...after.pose.position.map((x, i) => x - before.pose.position[i]));
   if (moved > 0.005) out.push(`moved ${moved.toFixed(2)} mm`);
