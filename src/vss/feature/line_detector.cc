@@ -108,6 +108,7 @@ void DetectLines(const GreyView& image, const Intrinsics* lens, const LineOption
   FillPositions(s);
   FindPieces(s);
   FindArcs(s, out);
+  RefineArcs(s, out.arcs);
   FindSegments(s, out);
   const RefineContext refine{image, lens, s.b.noise, s.b.edges.simd};
   RefinePlaces(refine, out.segments, s.b.refine);

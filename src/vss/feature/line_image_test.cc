@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -64,6 +65,41 @@ TEST(DetectLines, FindsACircleAsAnArcAllTheWayRound) {
   EXPECT_NEAR(arc.axes.y(), 50, 0.1);
   EXPECT_TRUE(arc.bright_inside);
   EXPECT_NEAR(arc.to_rad - arc.from_rad, 2 * kPi, 1e-6);
+}
+
+TEST(DetectLines, PutsEllipsesWhereTheyAreAndKnowsHowWell) {
+  constexpr double kAngle = 0.4, kLong = 30, kShort = 20;
+  double squares = 0, center2 = 0;
+  constexpr int kPictures = 20;
+  for (int i = 0; i < kPictures; ++i) {
+    const Vector2d center(50.3 + 0.05 * i, 51.2 - 0.03 * i);
+    const GreyImage image = Render(
+        104, 104, 8, 2,
+        [&](int u, int v) {
+          double sum = 0;
+          constexpr int kSub = 4;
+          for (int k = 0; k < kSub * kSub; ++k) {
+            const Vector2d d =
+                Vector2d(u + (k % kSub + 0.5) / kSub - 0.5, v + (k / kSub + 0.5) / kSub - 0.5) - center;
+            const double x = std::cos(kAngle) * d.x() + std::sin(kAngle) * d.y(),
+                         y = -std::sin(kAngle) * d.x() + std::cos(kAngle) * d.y();
+            sum += std::hypot(x / kLong, y / kShort) < 1 ? 1.0 : 0.0;
+          }
+          return 60 + 80 * sum / (kSub * kSub);
+        },
+        unsigned(i));
+    const LineImage lines = LinesOf(image);
+    ASSERT_EQ(lines.arcs.size(), 1u);
+    EXPECT_TRUE(lines.segments.empty());
+    const EllipticalArc& a = lines.arcs[0];
+    Eigen::Matrix<double, 5, 1> e;
+    e << a.center - center, a.axes.x() - kLong, a.axes.y() - kShort, a.angle_rad - kAngle;
+    squares += e.dot(a.covariance.inverse() * e) / 5;
+    center2 += e.head<2>().squaredNorm() / 2;
+  }
+  EXPECT_LT(std::sqrt(center2 / kPictures), 0.02);  // px; from edge points alone .05
+  EXPECT_GT(squares / kPictures, 0.4);
+  EXPECT_LT(squares / kPictures, 2.0);
 }
 
 TEST(DetectLines, FindsNoLinesInNoise) {
