@@ -9,6 +9,7 @@
 #include <bit>
 #include <optional>
 
+#include "vss/feature/arc_curve.h"
 #include "vss/feature/ellipse_fit.h"
 #include "vss/feature/line_scene.h"
 #include "vss/feature/strip_sums.h"
@@ -25,88 +26,6 @@ constexpr double kReachPx = 6;     // of the strip on either side, where no othe
 constexpr double kMarginPx = 2.5;  // an edge of usual blur has reached its levels at this distance
 constexpr double kPixelVariance = 1.0 / 12;
 
-// Where a place lies about an ellipse (ideal): a number that grows with the angle of its parameter, 0 to 4,
-// without a trigonometric function.
-double Around(double x, double y) {
-  const double sum = std::abs(x) + std::abs(y);
-  if (!(sum > 0)) return 0;
-  const double share = y / sum;
-  return x >= 0 ? (y >= 0 ? share : 4 + share) : 2 - share;
-}
-
-// An ellipse, and how a place lies to it.
-struct Curve {
-  Ellipse ellipse;
-  double cs, sn, a2, b2;
-
-  explicit Curve(const Ellipse& e)
-      : ellipse(e),
-        cs(std::cos(e.angle_rad)),
-        sn(std::sin(e.angle_rad)),
-        a2(e.axes.x() * e.axes.x()),
-        b2(e.axes.y() * e.axes.y()) {}
-
-  struct Place {
-    double distance, curvature, around;  // outward, px (ideal); of the contour there, 1/px; see Around
-    Vector2d normal;                     // outward
-    Vector5d by_ellipse;                 // of the distance
-  };
-
-  // The distance along the gradient at `p`, on which the conic is a parabola; its derivatives are those where
-  // the contour is met, and are left out (zero) farther than `reach` from it.
-  Place At(const Vector2d& p, double reach) const {
-    const Vector2d d = p - ellipse.center;
-    const double x = cs * d.x() + sn * d.y(), y = -sn * d.x() + cs * d.y();
-    const double f = x * x / a2 + y * y / b2 - 1, gx = 2 * x / a2, gy = 2 * y / b2,
-                 g = std::max(1e-12, std::sqrt(gx * gx + gy * gy));
-    const double nx = gx / g, ny = gy / g, bend = 2 * (nx * nx / a2 + ny * ny / b2);
-    Place out;
-    out.distance = 2 * f / (g + std::sqrt(std::max(0.0, g * g - 2 * bend * f)));
-    out.around = Around(x / ellipse.axes.x(), y / ellipse.axes.y());
-    out.normal = {cs * nx - sn * ny, sn * nx + cs * ny};
-    out.curvature = 0, out.by_ellipse.setZero();
-    if (std::abs(out.distance) > reach) return out;
-    const double fx = x - out.distance * nx, fy = y - out.distance * ny, hx = 2 * fx / a2, hy = 2 * fy / b2,
-                 h = std::sqrt(hx * hx + hy * hy);
-    const double mx = hx / h, my = hy / h;
-    out.curvature = 2 * (my * my / a2 + mx * mx / b2) / h;
-    out.by_ellipse << -(mx * cs - my * sn), -(mx * sn + my * cs), -fx * mx / ellipse.axes.x(),
-        -fy * my / ellipse.axes.y(), mx * fy - my * fx;
-    return out;
-  }
-};
-
-// The part of the contour that is seen, in numbers of Around.
-struct Range {
-  bool whole;
-  double from, length;
-  bool Has(double around) const {
-    if (whole) return true;
-    const double a = around - from;
-    return (a < 0 ? a + 4 : a) < length;
-  }
-};
-
-// From the place `first` of the contour to `last`, without their surroundings where `trim_px` is given.
-Range RangeBetween(const Ellipse& e, const Vector2d& first, const Vector2d& last, double trim_px) {
-  const double trim = trim_px / std::max(1.0, e.axes.y()), from = e.ParameterOf(first) + trim,
-               to = e.ParameterOf(last) - trim;
-  const double a = Around(std::cos(from), std::sin(from)), b = Around(std::cos(to), std::sin(to));
-  return {false, a, b > a ? b - a : b - a + 4};
-}
-
-bool IsWhole(const EllipticalArc& arc) { return arc.ideal_to_rad - arc.ideal_from_rad > 2 * kPi - 1e-6; }
-
-Ellipse EllipseOf(const EllipticalArc& arc) {
-  return {arc.ideal_center, arc.ideal_axes, arc.ideal_angle_rad};
-}
-
-Range RangeOf(const EllipticalArc& arc) {
-  if (IsWhole(arc)) return {true, 0, 4};
-  const Ellipse e = EllipseOf(arc);
-  return RangeBetween(e, e.PointAt(arc.ideal_from_rad), e.PointAt(arc.ideal_to_rad), 0);
-}
-
 // What the sectors of the strip about the contour leave between other edges; t towards the bright side.
 constexpr int kSectors = 64;
 int SectorOf(double around) { return std::min(kSectors - 1, static_cast<int>(around * (kSectors / 4.0))); }
@@ -118,7 +37,7 @@ class ArcFit {
         b_(b),
         sign_(arc.bright_inside ? -1 : 1),
         curve_(EllipseOf(arc)),
-        whole_(IsWhole(arc)),
+        whole_(IsWholeEllipse(arc)),
         first_(curve_.ellipse.PointAt(arc.ideal_from_rad)),
         last_(curve_.ellipse.PointAt(arc.ideal_to_rad)) {
     Trim();
@@ -128,8 +47,8 @@ class ArcFit {
 
   // Lets `arc` go on as far as edge points lie on its ellipse, over gaps of a sector; whether it grew.
   bool Extend(EllipticalArc& arc) const {
-    const double from = Around(std::cos(arc.ideal_from_rad), std::sin(arc.ideal_from_rad)),
-                 to = Around(std::cos(arc.ideal_to_rad), std::sin(arc.ideal_to_rad));
+    const double from = AroundEllipse(std::cos(arc.ideal_from_rad), std::sin(arc.ideal_from_rad)),
+                 to = AroundEllipse(std::cos(arc.ideal_to_rad), std::sin(arc.ideal_to_rad));
     const int before = Supported(SectorOf(from), -1), behind = Supported(SectorOf(to), +1);
     if (before + behind == 0) return false;
     const double covered = to - from > 0 ? to - from : to - from + 4;
@@ -203,7 +122,7 @@ class ArcFit {
     if (!(e.axes.minCoeff() > 1) || !(model_.contrast[0] > kMinContrastShare * raw_contrast) ||
         !(model_.contrast[0] < kMaxContrastShare * raw_contrast))
       return false;
-    const Curve before(raw);
+    const ArcCurve before(raw);
     for (int i = 0; i < kSectors; ++i) {
       const Vector2d p = e.PointAt(2 * kPi * i / kSectors);
       const auto place = before.At(p, 0);
@@ -416,7 +335,7 @@ class ArcFit {
   // The ends of an arc are corners, and not sure: their surroundings do not take part.
   void Trim() {
     constexpr double kEndPx = 2;
-    range_ = whole_ ? Range{true, 0, 4} : RangeBetween(curve_.ellipse, first_, last_, kEndPx);
+    range_ = whole_ ? ArcRange{true, 0, 4} : ArcRangeBetween(curve_.ellipse, first_, last_, kEndPx);
   }
 
   // The ellipse takes up what the steps moved.
@@ -429,7 +348,7 @@ class ArcFit {
     if (!(e.axes.minCoeff() > 1) || !e.center.allFinite() || !std::isfinite(e.angle_rad) ||
         !(e.axes.maxCoeff() < 4 * curve_.ellipse.axes.maxCoeff()))
       return false;
-    curve_ = Curve(e);
+    curve_ = ArcCurve(e);
     Trim();
     return true;
   }
@@ -520,10 +439,10 @@ class ArcFit {
   const Scene& s_;
   ArcBuffers& b_;
   double sign_;  // of the bright side, outward
-  Curve curve_;
+  ArcCurve curve_;
   bool whole_;
   Vector2d first_, last_;  // the arc's ends
-  Range range_{};
+  ArcRange range_{};
   double blur_;
   int row_step_ = 1;  // of the rows that ForRing visits
   bool linear_ = false;
@@ -551,12 +470,8 @@ void ProjectToPicture(const Scene& s, EllipticalArc& arc) {
     arc.center = fit->ellipse.center, arc.axes = fit->ellipse.axes, arc.angle_rad = fit->ellipse.angle_rad;
 }
 
-}  // namespace
-
-namespace {
-
 // Whether a place (ideal) lies on the arc.
-bool LiesOn(const EllipticalArc& arc, const Curve& curve, const Range& range, const Vector2d& p) {
+bool LiesOn(const EllipticalArc& arc, const ArcCurve& curve, const ArcRange& range, const Vector2d& p) {
   constexpr double kOnPx = 1.5;
   if ((p - arc.ideal_center).norm() > arc.ideal_axes.x() + kOnPx) return false;
   const auto place = curve.At(p, 0);
@@ -569,8 +484,8 @@ void DropCovered(const Scene& s, std::vector<EllipticalArc>& arcs) {
   for (std::size_t i = 0; i < arcs.size(); ++i) {
     if (s.b.arc_covered[i]) continue;
     const EllipticalArc& arc = arcs[i];
-    const Curve curve({arc.ideal_center, arc.ideal_axes, arc.ideal_angle_rad});
-    const Range range = RangeOf(arc);
+    const ArcCurve curve({arc.ideal_center, arc.ideal_axes, arc.ideal_angle_rad});
+    const ArcRange range = ArcRangeOf(arc);
     for (std::size_t j = 0; j < arcs.size(); ++j) {
       const EllipticalArc& other = arcs[j];
       if (i == j || s.b.arc_covered[j] || other.bright_inside != arc.bright_inside ||
@@ -607,7 +522,7 @@ void RefineArcs(const Scene& s, std::vector<EllipticalArc>& arcs) {
   for (auto& arc : arcs) {
     bool moved = false;
     for (int i = 0; i < kRounds; ++i) {
-      if (moved && (RangeOf(arc).whole || !ArcFit(s, arc, s.b.arc_fit).Extend(arc))) break;
+      if (moved && (ArcRangeOf(arc).whole || !ArcFit(s, arc, s.b.arc_fit).Extend(arc))) break;
       if (!ArcFit(s, arc, s.b.arc_fit).Apply(arc)) break;
       moved = true;
     }
