@@ -88,7 +88,7 @@ void ShowGrowth(int size) {
 int main(int argc, char** argv) {
   const int rounds = argc > 1 ? std::max(1, std::atoi(argv[1])) : 7;
   const auto detectors = Detectors();
-  for (const int size : {1000, 2000, 4000, 8000}) ShowGrowth(size);
+  for (const int size : {1000, 2000, 4000, 8000, 20000}) ShowGrowth(size);
   fmt::print("CPU time a picture and its share of LSD's (bars: synthetic .10, real .17, 2048 x 2048 .10)\n");
   std::vector<GreyImage> synthetic;
   unsigned seed = 100;

@@ -319,8 +319,8 @@ EdgePoint PointAt(const Rows<Value>& r, const int (&ring)[3], int u, int v, floa
           y,
           length,
           ProfileVariance(p) * cosine * cosine,
-          static_cast<std::uint16_t>(u),
-          static_cast<std::uint16_t>(v)};
+          static_cast<std::uint32_t>(u),
+          static_cast<std::uint32_t>(v)};
 }
 
 // The places of a row's flags, in order.

@@ -21,7 +21,7 @@ inline constexpr double kGradientVariance = 0.875;            // mean of 1 (bino
 // filter units. `width2_px2`: variance of the gradient's profile across the edge.
 struct EdgePoint {
   float u, v, nu, nv, strength, width2_px2;
-  std::uint16_t cell_u, cell_v;  // the pixel that it was found at
+  std::uint32_t cell_u, cell_v;  // the pixel that it was found at
 };
 
 // Noise of a picture in tiles: sigma in grey levels, from the mean absolute response to the mask (1 -2 1)^T

@@ -140,7 +140,9 @@ double Ellipse::ParameterOf(const Vector2d& p) const {
   return std::atan2((-sn * d.x() + cs * d.y()) / axes.y(), (cs * d.x() + sn * d.y()) / axes.x());
 }
 
-double Ellipse::Distance(const Vector2d& p) const { return DistanceAndJacobian(*this, p, nullptr); }
+double Ellipse::Distance(const Vector2d& p, Vector5d* by_ellipse) const {
+  return DistanceAndJacobian(*this, p, by_ellipse);
+}
 
 std::optional<EllipseFit> FitEllipse(std::span<const Vector2d> points, double hopeless_px) {
   if (points.size() < kMinPoints) return std::nullopt;

@@ -15,8 +15,9 @@ struct Ellipse {
   Eigen::Vector2d PointAt(double t) const;
   double ParameterOf(
       const Eigen::Vector2d& p) const;  // rad, of the point in p's direction (scaled by the axes)
-  // Distance to first order (Sampson), px; positive outside.
-  double Distance(const Eigen::Vector2d& p) const;
+  // Distance to first order (Sampson), px; positive outside. `by_ellipse`: its derivative, exact on the contour,
+  // by centre u, v, axes, angle.
+  double Distance(const Eigen::Vector2d& p, Eigen::Matrix<double, 5, 1>* by_ellipse = nullptr) const;
 };
 
 struct EllipseFit {

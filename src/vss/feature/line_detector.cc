@@ -91,14 +91,14 @@ void FindSegments(const Scene& s, LineImage& out) {
 
 }  // namespace
 
-LineImage DetectLines(const GreyView& image, const Intrinsics* lens, const LineOptions& options,
-                      LineWorkspace* workspace) {
-  LineImage out;
+void DetectLines(const GreyView& image, const Intrinsics* lens, const LineOptions& options,
+                 LineWorkspace& workspace, LineImage& out) {
+  out.image.clear(), out.segments.clear(), out.arcs.clear();
   out.width_px = std::max(image.width, 0), out.height_px = std::max(image.height, 0);
+  out.noise_sigma = 0;
   out.lens_known = lens != nullptr;
-  if (image.data == nullptr || image.width < 1 || image.height < 1) return out;
-  LineWorkspace own;
-  const Scene s{image, lens, options, workspace ? workspace->buffers() : own.buffers()};
+  if (image.data == nullptr || image.width < 1 || image.height < 1) return;
+  const Scene s{image, lens, options, workspace.buffers()};
   EstimateNoise(image, static_cast<float>(kQuantisationSigma), s.b.edges, s.b.noise);
   out.noise_sigma = s.b.noise.median_sigma;
   FindEdgePoints(image, s.b.noise, options.edge_threshold, s.b.edges, s.b.points);
@@ -108,10 +108,18 @@ LineImage DetectLines(const GreyView& image, const Intrinsics* lens, const LineO
   FillPositions(s);
   FindPieces(s);
   FindArcs(s, out);
+  RefineArcs(s, out.arcs);
   FindSegments(s, out);
   const RefineContext refine{image, lens, s.b.noise, s.b.edges.simd};
   RefinePlaces(refine, out.segments, s.b.refine);
   RefineEnds(refine, out.segments, s.b.refine);
+}
+
+LineImage DetectLines(const GreyView& image, const Intrinsics* lens, const LineOptions& options,
+                      LineWorkspace* workspace) {
+  LineImage out;
+  LineWorkspace own;
+  DetectLines(image, lens, options, workspace ? *workspace : own, out);
   return out;
 }
 

@@ -85,6 +85,11 @@ class LineWorkspace {
 LineImage DetectLines(const GreyView& image, const Intrinsics* lens, const LineOptions& options,
                       LineWorkspace* workspace = nullptr);
 
+// The same into `lines`, whose memory is used again: with a workspace and lines that have seen pictures as
+// large and as rich, nothing is allocated.
+void DetectLines(const GreyView& image, const Intrinsics* lens, const LineOptions& options,
+                 LineWorkspace& workspace, LineImage& lines);
+
 // Format vss-lines/1.
 std::string LineImageToJson(const LineImage& lines);
 

@@ -11,6 +11,7 @@
 #include "vss/feature/line_image.h"
 #include "vss/feature/line_refine.h"
 #include "vss/feature/straight_pieces.h"
+#include "vss/feature/strip_sums.h"
 #include "vss/feature/undistortion_grid.h"
 
 namespace vss {
@@ -26,6 +27,31 @@ struct PieceState {
   double Length() const { return piece.to - piece.from; }
 };
 
+// The pixels about an arc, as AccumulateArc takes them, and the sector of the contour that each belongs to.
+struct ArcBuffers {
+  std::vector<float> t, by[5], bend, u, v, grey, weight, residual, by_place, sorted;
+  std::vector<std::uint8_t> sector;
+  std::size_t count = 0, padded = 0;  // pixels; with those of no weight that fill up the last lanes
+
+  void Clear() { count = 0; }
+  // The place of one more pixel.
+  std::size_t Add() {
+    if (count + kStripLanes >= t.size()) {
+      for (auto* x :
+           {&t, &by[0], &by[1], &by[2], &by[3], &by[4], &bend, &u, &v, &grey, &weight, &residual, &by_place})
+        x->resize(2 * count + 1024);
+      sector.resize(2 * count + 1024);
+    }
+    return count++;
+  }
+  void Pad() {
+    padded = (count + kStripLanes - 1) / kStripLanes * kStripLanes;
+    std::fill_n(weight.begin(), count, 1.0f);
+    for (auto* x : {&t, &by[0], &by[1], &by[2], &by[3], &by[4], &bend, &u, &v, &grey, &weight})
+      std::fill(x->begin() + std::ptrdiff_t(count), x->begin() + std::ptrdiff_t(padded), 0.0f);
+  }
+};
+
 struct LineWorkspace::Buffers {
   EdgeBuffers edges;
   NoiseMap noise;
@@ -37,6 +63,8 @@ struct LineWorkspace::Buffers {
   std::vector<StraightPiece> pieces;
   std::vector<char> in_arc;  // per piece
   std::vector<Eigen::Vector2d> arc_points, arc_ideal;
+  ArcBuffers arc_fit;
+  std::vector<char> arc_covered;
   std::vector<PieceState> states;
   std::vector<std::int32_t> cell_first, cell_next;
   RefineBuffers refine;
@@ -68,6 +96,9 @@ inline double ContrastOf(const EdgePoint& p) {
 
 // Elliptical arcs are runs of pieces that keep turning; the pieces that make one are marked in b.in_arc.
 void FindArcs(const Scene& scene, LineImage& out);
+
+// Moves every arc to its place of maximum likelihood, with covariance; one whose fit fails keeps its place.
+void RefineArcs(const Scene& scene, std::vector<EllipticalArc>& arcs);
 
 // b.states from the pieces that are worth it, joined where they are one line.
 void JoinPieces(const Scene& scene);

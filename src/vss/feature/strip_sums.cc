@@ -109,4 +109,21 @@ template void AccumulateStrip<2, false>(const StripSamples&, const StripModel&, 
 template void AccumulateStrip<2, true>(const StripSamples&, const StripModel&, int, Simd,
                                        StripSums<NumStripParameters<2, true>()>&);
 
+template <bool kLinear>
+void AccumulateArc(const ArcSamples& in, const ArcModel& model, Simd simd,
+                   StripSums<NumArcParameters<kLinear>()>& out) {
+  const Level level = LevelOf(simd);
+  if (level == Level::kAvx512)
+    avx512::SumArc<kLinear>(in, model, out);
+  else if (level == Level::kAvx2)
+    avx2::SumArc<kLinear>(in, model, out);
+  else
+    portable::SumArc<kLinear>(in, model, out);
+}
+
+template void AccumulateArc<false>(const ArcSamples&, const ArcModel&, Simd,
+                                   StripSums<NumArcParameters<false>()>&);
+template void AccumulateArc<true>(const ArcSamples&, const ArcModel&, Simd,
+                                  StripSums<NumArcParameters<true>()>&);
+
 }  // namespace vss

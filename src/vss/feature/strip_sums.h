@@ -48,4 +48,32 @@ template <int kEdges, bool kLinear>
 void AccumulateStrip(const StripSamples& in, const StripModel& model, int stride, Simd simd,
                      StripSums<NumStripParameters<kEdges, kLinear>()>& out);
 
+// The pixels about an arc: t across the contour towards the bright side (px), its derivatives by the
+// ellipse's five parameters, half the contour's curvature (positive: the bright side lies outside), the place
+// in the picture over the longer axis.
+struct ArcSamples {
+  const float *t, *by[5], *bend, *u, *v, *grey, *weight;
+  float *residual, *by_place;
+  std::size_t count;  // a multiple of kStripLanes
+  float saturated;
+};
+
+// Order of parameters: the ellipse's, level, contrast, blur; with kLinear the level's slopes along u and v,
+// the contrast's.
+template <bool kLinear>
+constexpr int NumArcParameters() {
+  return kLinear ? 12 : 8;
+}
+
+struct ArcModel {
+  float moved[5];  // of the ellipse, since t was taken
+  float level[3], contrast[3];
+  float blur;
+};
+
+// Fills in residual and by_place (the model's derivative by t), too.
+template <bool kLinear>
+void AccumulateArc(const ArcSamples& in, const ArcModel& model, Simd simd,
+                   StripSums<NumArcParameters<kLinear>()>& out);
+
 }  // namespace vss
