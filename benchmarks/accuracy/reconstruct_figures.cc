@@ -1,13 +1,13 @@
 // Every figure of reconstruction beside its goal.
 //
 //   accuracy_reconstruct_figures OUT [--shared FOLDER] [--only STUDY]... [--scenes N] [--trials N]
-//                                [--threads N] [--write README] [--show-scene N]
+//                                [--first SEED] [--threads N] [--write README] [--show-scene N]
 //
 // OUT keeps each study's result (and each simulated scene's), so that a run that was stopped goes on; remove
 // a file there to do it again. --shared: the folder that holds surveys/, calibration/ and real/. --write
 // replaces the section between this program's two marks in README by what OUT holds. --only: of those
-// studies that OUT does not hold yet only these. --show-scene: only
-// that simulated scene, edge by edge, and its pictures into the working folder.
+// studies that OUT does not hold yet only these. --first: seed of the first of the N scenes. --show-scene:
+// only that simulated scene, edge by edge, and its pictures into the working folder.
 #include <time.h>
 
 #include <set>
@@ -28,7 +28,7 @@ namespace fs = std::filesystem;
 struct Arguments {
   fs::path out, shared = VSS_SOURCE_DIR "/../shared", write;
   std::set<std::string> only;
-  int scenes = 200, trials = 40, threads = 2, show_scene = 0;
+  int scenes = 200, first_scene = 1, trials = 40, threads = 2, show_scene = 0;
 };
 
 Arguments Parse(int argc, char** argv) {
@@ -45,6 +45,8 @@ Arguments Parse(int argc, char** argv) {
       a.only.insert(next());
     else if (s == "--scenes")
       a.scenes = std::stoi(next());
+    else if (s == "--first")
+      a.first_scene = std::stoi(next());
     else if (s == "--trials")
       a.trials = std::stoi(next());
     else if (s == "--threads")
@@ -69,6 +71,7 @@ Json Kept(const fs::path& file, const std::function<Json()>& make) {
     if (!kept.is_discarded()) return kept;
   }
   const Json made = make();
+  fs::create_directories(file.parent_path());
   OrStop(WriteFileAtomically(file, made.dump(1)));
   return made;
 }
@@ -304,16 +307,19 @@ class Studies {
   // --- simulated ---
 
   Json Noise() const {
-    Json out = {{"parts", Json::array()}};
-    fs::create_directories(args_.out / "noise");
-    std::vector<Json> trials(static_cast<std::size_t>(args_.trials));
+    Json out = {{"parts", Json::array()}, {"trials", args_.trials}};
+    std::vector<Json> trials(static_cast<std::size_t>(args_.trials)), bounds = trials;
     ParallelFor(trials.size(), args_.threads, [&](std::size_t i) {
-      trials[i] = Kept(args_.out / "noise" / fmt::format("{}.json", i + 1),
-                       [&] { return NoiseTrial(i + 1, knowledge_); });
+      const std::string file = fmt::format("{}.json", i + 1);
+      bounds[i] = Kept(args_.out / "bounds" / file, [&] { return NoiseBound(i + 1, knowledge_); });
+      trials[i] = Kept(args_.out / "noise" / file, [&] { return NoiseTrial(i + 1, knowledge_); });
     });
-    for (const auto& t : trials)
-      for (const auto& p : t["parts"]) out["parts"].push_back(p);
-    out["trials"] = trials.size();
+    for (std::size_t i = 0; i < trials.size(); ++i)
+      for (std::size_t p = 0; p < trials[i].size(); ++p) {
+        out["parts"].push_back(trials[i][p]);
+        out["parts"].back()["bounds"] = bounds[i][p]["sigmas"];
+        out["parts"].back()["vertices"] = {trials[i][p]["vertices"], bounds[i][p]["vertices"]};
+      }
     return out;
   }
 
@@ -332,11 +338,11 @@ class Studies {
 
   Json Coverage() const {
     const std::vector<Camera> calibrated = CalibratedRig();
-    fs::create_directories(args_.out / "scenes");
     std::vector<Json> scenes(static_cast<std::size_t>(args_.scenes));
     ParallelFor(scenes.size(), args_.threads, [&](std::size_t i) {
-      scenes[i] = Kept(args_.out / "scenes" / fmt::format("{}.json", i + 1),
-                       [&] { return CalibratedTrial(i + 1, knowledge_, calibrated); });
+      const auto seed = static_cast<std::uint64_t>(args_.first_scene) + i;
+      scenes[i] = Kept(args_.out / "scenes" / fmt::format("{}.json", seed),
+                       [&] { return CalibratedTrial(seed, knowledge_, calibrated); });
     });
     Errors all;
     for (const auto& s : scenes)
@@ -462,8 +468,8 @@ std::string NoiseText(const Json& n) {
   return fmt::format(
       "\nNoise alone ({} simulated scenes of four parts, {} grey levels; cameras and ground known, even "
       "light, no "
-      "texture): mean squared error over the Cramer-Rao bound (levels and blur known, every visible pixel "
-      "of contour): {:.2f} over {} unknowns, {:.2f} in the median one, {:.2f} over the vertices (goal: 1.5); "
+      "texture): mean squared error over the Cramer-Rao bound (levels and blur known, every pixel of the "
+      "pictures): {:.2f} over {} unknowns, {:.2f} in the median one, {:.2f} over the vertices (goal: 1.5); "
       "{} parts with a "
       "dimension that is not observable left out.\n",
       n["trials"].get<int>(), kNoise, Mean(ratios), ratios.size(), Quantile(ratios, 0.5) / kMedianOfChiSquare,

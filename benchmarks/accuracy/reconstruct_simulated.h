@@ -3,9 +3,9 @@
 #pragma once
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/SparseCore>
 
 #include "reconstruct_survey.h"
-#include "vss/identify/contour.h"
 #include "vss/simulate/random_scene.h"
 #include "vss/simulate/simulate.h"
 
@@ -70,66 +70,101 @@ inline SimulatedScene DrawPlainScene(std::uint64_t seed, const KnowledgeBase& kn
   for (auto& p : scene.parts) p.material = {0.45, 0, 0, 0};
   scene.lamps.clear();
   scene.ambient = 1;
+  scene.shadows = false;  // which darken the floor towards a foot as no step does
   for (auto& c : scene.cameras) c.read_noise = kNoise, c.shot_noise = 0, c.vignetting = 0;
   return scene;
 }
 
-inline double Grey(const GreyView& image, const Eigen::Vector2d& p) {
-  const int u = std::clamp(static_cast<int>(std::floor(p.x())), 0, image.width - 2);
-  const int v = std::clamp(static_cast<int>(std::floor(p.y())), 0, image.height - 2);
-  const double a = p.x() - u, b = p.y() - v;
-  return (1 - b) * ((1 - a) * image.At(u, v) + a * image.At(u + 1, v)) +
-         b * ((1 - a) * image.At(u, v + 1) + a * image.At(u + 1, v + 1));
+// The unknowns of a part that stands upright on known ground; a pipe's yaw is nothing.
+inline std::vector<int> UnknownsOf(const PlacedObject& object) {
+  std::vector<int> unknowns{0, 1};
+  if (object.model->kind() != "pipe") unknowns.push_back(3);
+  for (std::size_t i = 0; i < object.dimensions_mm.size(); ++i)
+    unknowns.push_back(kPlacementSize + static_cast<int>(i));
+  return unknowns;
 }
 
-// Fisher's information of the pictures on the state of part `p`, everything else known: of a step of contrast
-// C and blur b in noise sigma, C^2 / (2 b sqrt(pi) sigma^2) a pixel of contour and squared pixel of offset.
-// Contrast: of the pictures without noise, just beyond the blur on both sides.
-inline Eigen::MatrixXd Information(const SimulatedScene& scene, const Rendered& clean, std::size_t p) {
-  constexpr double kStepPx = 1, kBesidePx = 2.2, kPixelVariance = 1.0 / 12;
-  std::vector<WorldSolid> solids;
-  for (const auto& part : scene.parts) solids.push_back(PlaceSolid(part.object, true));
-  Occluders others;
-  for (std::size_t k = 0; k < solids.size(); ++k)
-    if (k != p) others.Add(solids[k], static_cast<int>(k));
-  const int n = scene.parts[p].object.StateSize();
-  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
-  for (std::size_t v = 0; v < clean.views.size(); ++v) {
-    const View& view = clean.views[v];
-    const auto& camera = scene.cameras[std::size_t(scene.pictures[v].camera)];
-    const double blur = std::sqrt(camera.blur_px * camera.blur_px + kPixelVariance);
-    for (const auto& s : SampleContour(solids[p], view, kStepPx, 1, &others)) {
-      if (!s.visible) continue;
-      const auto& lens = view.camera->intrinsics;
-      Eigen::Matrix2d by_normalized;
-      Eigen::Matrix<double, 2, 3> by_cam;
-      if (!lens.ImgFromNormalized(lens.NormalizedFromIdeal(s.ideal), &by_normalized) ||
-          !lens.Project(view.cam_from_world * s.point_in_world, &by_cam))
-        continue;
-      const Eigen::Vector2d tangent =
-          by_normalized * s.ideal_tangent.cwiseQuotient(Eigen::Vector2d(lens.fx_px, lens.fy_px));
-      const Eigen::Vector2d normal = Eigen::Vector2d(-tangent.y(), tangent.x()).normalized();
-      const double contrast = Grey(clean.pictures[v], s.img + kBesidePx * normal) -
-                              Grey(clean.pictures[v], s.img - kBesidePx * normal);
-      const Eigen::VectorXd j =
-          (normal.transpose() * by_cam * view.cam_from_world.rotation * SampleByState(solids[p], s))
-              .transpose();
-      const double weight = s.step_px * contrast * contrast / (2 * blur * std::sqrt(kPi) * kNoise * kNoise);
-      information += weight * j * j.transpose();
+inline std::vector<GreyImage> Pictures(const SimulatedScene& scene) {
+  std::vector<GreyImage> images(scene.pictures.size());
+  OrStop(RenderPictures(scene, 1, {},
+                        [&](int i, const RenderedPicture& p) { images[std::size_t(i)] = p.image; }));
+  return images;
+}
+
+// Cramer-Rao bound of all parts' unknowns together, part by part in their order: the inverse of Fisher's
+// information J^T J / sigma^2, where J holds what each pixel of the pictures without noise changes by with
+// each unknown: rendered with the unknown a little less and a little more.
+inline Eigen::MatrixXd CramerRaoBound(SimulatedScene scene) {
+  constexpr double kStepMm = 1.5;     // a quarter of a pixel: the difference still follows the derivative
+  constexpr int kRoundingLevels = 1;  // smaller differences are those of rounding to 8 bits
+  for (auto& c : scene.cameras) c.read_noise = 0;
+  std::vector<Eigen::SparseVector<double>> columns;
+  for (auto& part : scene.parts) {
+    const Eigen::VectorXd state = part.object.State();
+    const auto& dims = part.object.dimensions_mm;
+    const double longest_mm = *std::max_element(dims.begin(), dims.end());
+    for (int unknown : UnknownsOf(part.object)) {
+      const double step = unknown == 3 ? kStepMm / (longest_mm / 2) : kStepMm;
+      const auto at = [&](double by) {
+        Eigen::VectorXd x = state;
+        x[unknown] += by;
+        part.object.SetState(x);
+        return Pictures(scene);
+      };
+      const auto less = at(-step), more = at(step);
+      const Eigen::Index pixels = Eigen::Index(less[0].width()) * less[0].height();
+      Eigen::SparseVector<double> column(pixels * Eigen::Index(less.size()));
+      Eigen::Index k = 0;
+      for (std::size_t i = 0; i < less.size(); ++i)
+        for (int v = 0; v < less[i].height(); ++v)
+          for (int u = 0; u < less[i].width(); ++u, ++k) {
+            const int difference = more[i].view().At(u, v) - less[i].view().At(u, v);
+            if (std::abs(difference) > kRoundingLevels) column.insertBack(k) = difference / (2 * step);
+          }
+      columns.push_back(std::move(column));
     }
+    part.object.SetState(state);
   }
-  return information;
+  const auto n = static_cast<Eigen::Index>(columns.size());
+  Eigen::MatrixXd information(n, n);
+  for (Eigen::Index a = 0; a < n; ++a)
+    for (Eigen::Index b = 0; b <= a; ++b)
+      information(a, b) = information(b, a) =
+          columns[std::size_t(a)].dot(columns[std::size_t(b)]) / (kNoise * kNoise);
+  return information.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
 }
 
-// Squared errors over the Cramer-Rao bound's variances: of each unknown (place, yaw, dimensions) of the parts
-// whose every dimension is observable; and of the vertices, in sum.
+// The bound as a sigma of every part's unknowns, and of its vertices' coordinates as a sum of variances.
+inline nlohmann::json NoiseBound(std::uint64_t seed, const KnowledgeBase& knowledge) {
+  const SimulatedScene scene = DrawPlainScene(seed, knowledge);
+  const Eigen::MatrixXd all = CramerRaoBound(scene);
+  nlohmann::json out = nlohmann::json::array();
+  Eigen::Index at = 0;
+  for (const auto& part : scene.parts) {
+    const std::vector<int> unknowns = UnknownsOf(part.object);
+    const auto size = static_cast<Eigen::Index>(unknowns.size());
+    const Eigen::MatrixXd bound = all.block(at, at, size, size);
+    at += size;
+    nlohmann::json found;
+    for (Eigen::Index i = 0; i < size; ++i) found["sigmas"].push_back(std::sqrt(bound(i, i)));
+    double variance = 0;
+    for (const auto& v : PlaceSolid(part.object).vertices) {
+      const Eigen::MatrixXd j = Eigen::MatrixXd(v.by_state)(Eigen::all, unknowns);
+      variance += (j * bound * j.transpose()).trace();
+    }
+    found["vertices"] = variance;
+    out.push_back(found);
+  }
+  return out;
+}
+
+// Errors of each unknown (place, yaw, dimensions) with the sigma that is given, and of the vertices, squared,
+// in sum.
 inline nlohmann::json NoiseTrial(std::uint64_t seed, const KnowledgeBase& knowledge) {
-  SimulatedScene scene = DrawPlainScene(seed, knowledge);
+  const SimulatedScene scene = DrawPlainScene(seed, knowledge);
   std::vector<Camera> cameras;
   for (const auto& c : scene.cameras) cameras.push_back(c.camera);
   const Rendered noisy = Render(scene, cameras);
-  for (auto& c : scene.cameras) c.read_noise = 0;
-  const Rendered clean = Render(scene, cameras);
   const auto truth = PartsOf(scene);
   std::mt19937 random(static_cast<unsigned>(seed));
   ReconstructOptions options;
@@ -141,35 +176,22 @@ inline nlohmann::json NoiseTrial(std::uint64_t seed, const KnowledgeBase& knowle
   nlohmann::json out = nlohmann::json::array();
   for (std::size_t p = 0; p < truth.size(); ++p) {
     const auto& part = result.parts[p];
-    const bool round = truth[p].object.model->kind() == "pipe";  // whose yaw is nothing
-    std::vector<int> unknowns = round ? std::vector{0, 1} : std::vector{0, 1, 3};
     bool all = true;
-    for (std::size_t i = 0; i < part.dimensions.size(); ++i) {
-      unknowns.push_back(kPlacementSize + static_cast<int>(i));
-      all &= part.dimensions[i].observable;
-    }
+    for (const auto& d : part.dimensions) all &= d.observable;
     nlohmann::json found = {{"kind", truth[p].object.model->kind()}, {"observable", all}};
-    const Eigen::MatrixXd f = Information(scene, clean, p)(unknowns, unknowns);
-    const Eigen::MatrixXd bound = f.ldlt().solve(Eigen::MatrixXd::Identity(f.rows(), f.cols()));
-    const Eigen::VectorXd e = (part.object.State() - truth[p].object.State())(unknowns);
-    for (Eigen::Index i = 0; i < e.size(); ++i) {
-      found["unknowns"].push_back(unknowns[static_cast<std::size_t>(i)]);
-      found["errors"].push_back(e[i]);
-      found["bounds"].push_back(std::sqrt(bound(i, i)));
-      found["sigmas"].push_back(std::sqrt(
-          part.covariance(unknowns[static_cast<std::size_t>(i)], unknowns[static_cast<std::size_t>(i)])));
+    for (int unknown : UnknownsOf(truth[p].object)) {
+      found["unknowns"].push_back(unknown);
+      found["errors"].push_back(part.object.State()[unknown] - truth[p].object.State()[unknown]);
+      found["sigmas"].push_back(std::sqrt(part.covariance(unknown, unknown)));
     }
-    double squares = 0, variance = 0;
-    const auto is = PlaceSolid(part.object, false), should = PlaceSolid(truth[p].object);
-    for (std::size_t k = 0; k < is.vertices.size(); ++k) {
+    double squares = 0;
+    const auto is = PlaceSolid(part.object, false), should = PlaceSolid(truth[p].object, false);
+    for (std::size_t k = 0; k < is.vertices.size(); ++k)
       squares += (is.vertices[k].point - should.vertices[k].point).squaredNorm();
-      const Eigen::MatrixXd j = Eigen::MatrixXd(should.vertices[k].by_state)(Eigen::all, unknowns);
-      variance += (j * bound * j.transpose()).trace();
-    }
-    found["vertices"] = {squares, variance};
+    found["vertices"] = squares;
     out.push_back(found);
   }
-  return {{"parts", out}};
+  return out;
 }
 
 // --- calibration errors ---

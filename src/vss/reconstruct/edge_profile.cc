@@ -14,7 +14,6 @@ using Eigen::Vector2d;
 constexpr int kMaxUnknowns =
     4 + 2 * (1 + kMaxNeighbours);        // base, blur, two slopes; a contrast and an offset a step
 constexpr int kMinPixels = 12;           // fewer cannot tell a step from noise
-constexpr double kSlopePrior = 0.05;     // of the contrast, per px: how light changes beside an edge
 constexpr double kNeighbourPrior = 0.5;  // px: how far a neighbour may move against the edge itself
 constexpr double kScanStep = 0.4;        // of the blur: Gauss-Newton converges from there
 constexpr double kMinSignificance = 5;   // a contrast below that many of its sigmas is no edge
@@ -188,7 +187,7 @@ void AddPriors(const ProfileRequest& r, const Model& m, double var, Normal& norm
   const double wb = var / (r.blur_sigma_px * r.blur_sigma_px);
   normal.h(blur, blur) += wb;
   normal.g[blur] += wb * (r.blur_px - m.blur());
-  const double steepest = std::max(kSlopePrior * std::abs(m.contrast(0)), 1e-3);
+  const double steepest = std::max(r.slope_sigma * std::abs(m.contrast(0)), 1e-3);
   for (int side = 0; side < 2; ++side) {
     const int i = 2 + 2 * m.steps + side;
     normal.h(i, i) += var / (steepest * steepest);
@@ -247,6 +246,14 @@ std::optional<ProfileFit> FitProfile(const GreyView& image, const ProfileRequest
   fit.sigma_px = std::sqrt(std::max(covariance(1 + model.steps, 1 + model.steps), 0.0));
   fit.contrast = model.contrast(0);
   fit.blur_px = model.blur();
+  for (int side = 0; side < 2; ++side) {
+    // Without what was known beforehand.
+    const int i = 2 + 2 * model.steps + side;
+    const double prior = r.slope_sigma * std::abs(fit.contrast), variance = covariance(i, i);
+    const double information = std::max(1 / variance - 1 / (prior * prior), 1e-9 / variance);
+    fit.slope[std::size_t(side)] = model.slope(side) / (variance * information) / std::abs(fit.contrast);
+    fit.slope_sigma[std::size_t(side)] = 1 / std::sqrt(information) / std::abs(fit.contrast);
+  }
   fit.rms = std::sqrt(normal.sum_squares / redundancy);
   fit.num_pixels = static_cast<int>(count);
   const double sigma_contrast = std::sqrt(std::max(covariance(1, 1), 0.0));

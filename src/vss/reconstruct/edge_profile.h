@@ -8,6 +8,7 @@
 // grid of offsets.
 #pragma once
 #include <Eigen/Core>
+#include <array>
 #include <optional>
 #include <span>
 
@@ -29,12 +30,15 @@ struct ProfileCurve {
   }
 };
 
+inline constexpr double kAnySlope = 0.05;  // of the contrast, per px: light beside an edge in any picture
+
 struct ProfileRequest {
   ProfileCurve curve;
   double half_length_px = 4;                     // of the strip along the curve
   double reach_minus_px = 4, reach_plus_px = 4;  // of the strip against and along the normal
   double search_px = 1;                          // |offset| is looked for up to here
   double blur_px = 0.7, blur_sigma_px = 0.15;    // what is known of the step's blur beforehand
+  double slope_sigma = kAnySlope;                // and of how light changes on either side of it, 1/px
   std::span<const ProfileCurve>
       neighbours;  // other edges that cross the strip lengthwise; at most kMaxNeighbours
 };
@@ -45,6 +49,8 @@ struct ProfileFit {
   double sigma_px = 0;   // of the offset, from the scatter of the strip's pixels
   double contrast = 0;   // grey levels: plus side less minus side
   double blur_px = 0;
+  // How light changes on the minus and the plus side, of the contrast per px, as the pixels alone have it.
+  std::array<double, 2> slope{}, slope_sigma{};
   double rms = 0;  // grey levels
   int num_pixels = 0;
 };

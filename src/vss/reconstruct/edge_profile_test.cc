@@ -83,6 +83,46 @@ TEST(EdgeProfile, SigmaIsTheScatterOfNoisyPictures) {
   EXPECT_NEAR(std::sqrt(sum2 - sum * sum) / sigma, 1.0, 0.15);
 }
 
+TEST(EdgeProfile, InEvenLightNoiseMovesAnEdgeLess) {
+  const auto scatter = [](double slope_sigma) {
+    ProfileRequest r = Request(0.7);
+    r.search_px = 0.8;
+    r.reach_minus_px = r.reach_plus_px = 2.8;
+    r.slope_sigma = slope_sigma;
+    constexpr int kRuns = 200;
+    double square = 0;
+    for (int i = 0; i < kRuns; ++i) {
+      const auto fit =
+          FitProfile(Render(0.7, {{0.2, 6000}}, 0.6, 200, static_cast<unsigned>(i)).view(), r, 0);
+      if (fit) square += std::pow(fit->offset_px - 0.2, 2) / kRuns;
+    }
+    return std::sqrt(square);
+  };
+  EXPECT_LT(scatter(0.003), 0.6 * scatter(kAnySlope));
+}
+
+TEST(EdgeProfile, TellsTheSlopesThatThePixelsHaveWhateverWasBelievedBefore) {
+  for (double believed : {kAnySlope, 0.01}) {
+    ProfileRequest r = Request(0.7);
+    r.slope_sigma = believed;
+    double mean = 0, sigma = 0;
+    constexpr int kRuns = 50;
+    for (int i = 0; i < kRuns; ++i) {
+      GreyImage image = Render(0.7, {{0.2, 6000}}, 0.6, 60, static_cast<unsigned>(i));
+      const Vector2d n(std::cos(0.7), std::sin(0.7));
+      for (int v = 0; v < 64; ++v)
+        for (int u = 0; u < 64; ++u)  // brighter by 120 a pixel on the plus side: 0.02 of the contrast
+          image.Row16(v)[u] = static_cast<std::uint16_t>(
+              image.Row16(v)[u] + 120 * std::max(0.0, (Vector2d(u, v) - r.curve.point).dot(n) - 0.2));
+      const auto fit = FitProfile(image.view(), r, 0);
+      ASSERT_TRUE(fit);
+      mean += fit->slope[1] / kRuns, sigma += fit->slope_sigma[1] / kRuns;
+    }
+    EXPECT_NEAR(mean, 0.02, 0.003) << believed;
+    EXPECT_LT(sigma, 0.01) << believed;
+  }
+}
+
 TEST(EdgeProfile, FindsNothingInNoise) {
   int found = 0;
   for (unsigned i = 0; i < 100; ++i)

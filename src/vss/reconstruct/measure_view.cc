@@ -37,7 +37,8 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
                      int view_index, const GreyView& picture, const PictureState& state,
                      const MeasureOptions& options) {
   constexpr double kReachBlurs = 3.2;  // a step has ended that many blurs from its middle
-  constexpr double kMinReachPx = 2.5;
+  // Where the light is known to be even, farther pixels tell an edge's two levels, too.
+  constexpr double kMinReachPx = 2.5, kEvenReachPx = 4, kEvenSlope = 0.01;
   // What surrounds a piece (crossing contours' blur, shading) pulls it the more the shorter it is, px * px:
   // the scatter of rendered surveys' edges that consist of one short piece.
   constexpr double kShortPieceError = 0.3;
@@ -45,7 +46,8 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
   PieceOptions cut;
   cut.only_part = options.only_part;
   cut.length_px = options.piece_length_px * std::max(1.0, state.blur_px);
-  cut.reach_px = std::max(kMinReachPx, options.search_px + kReachBlurs * state.blur_px);
+  cut.reach_px = std::max(state.slope_sigma < kEvenSlope ? kEvenReachPx : kMinReachPx,
+                          options.search_px + kReachBlurs * state.blur_px);
   cut.min_gap_px = 1.9 * state.blur_px;
   cut.vertex_margin_px = 2 * state.blur_px + 0.7;
   Measured out;
@@ -61,6 +63,8 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
     request.search_px = std::min(options.search_px, std::min(piece.reach_minus_px, piece.reach_plus_px));
     request.blur_px = state.blur_px;
     request.blur_sigma_px = state.blur_sigma_px;
+    // A cylinder's outline is shaded however even the light.
+    request.slope_sigma = piece.edge_class == ContourClass::kLimb ? kAnySlope : state.slope_sigma;
     request.neighbours = piece.neighbours;
     const auto fit = FitProfile(picture, request, state.noise);
     out.support[static_cast<std::size_t>(piece.part)] += SupportOf(piece, fit, request.search_px);
@@ -86,8 +90,12 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
     o.sigma_px = std::hypot(fit->sigma_px, kShortPieceError / (piece.half_length_px * piece.half_length_px));
     o.contrast = fit->contrast;
     group.observations.push_back(o);
-    if (piece.neighbours.empty() && fit->sigma_px < kClearBlur * state.blur_px)
+    if (piece.neighbours.empty() && fit->sigma_px < kClearBlur * state.blur_px) {
       out.blurs.push_back(fit->blur_px);
+      if (piece.edge_class != ContourClass::kLimb)
+        for (std::size_t side = 0; side < 2; ++side)
+          out.slopes.emplace_back(fit->slope[side], fit->slope_sigma[side]);
+    }
     out.noises.push_back(fit->rms);
   }
   for (std::size_t i = 0; i < out.groups.size(); ++i)

@@ -11,12 +11,14 @@ namespace vss {
 // What is measured and known of each picture while rounds go by.
 struct PictureState {
   double blur_px = 0.7, blur_sigma_px = 0.3, noise = 0;
+  double slope_sigma = kAnySlope;  // how light changes beside edges, of their contrast per px
 };
 
 // What one picture gave.
 struct Measured {
   std::vector<ObservationGroup> groups;
   std::vector<double> blurs, noises;
+  std::vector<std::pair<double, double>> slopes;  // beside edges: value, sigma
   std::vector<double> support;  // of each part: px of contour that is met less px that is not
 };
 

@@ -300,8 +300,12 @@ class Reconstructor {
                              {search_px, options_.piece_length_px});
     });
     a.groups.clear();
+    constexpr std::size_t kEnough = 20;
+    std::vector<std::pair<double, double>> slopes;
+    for (const auto& f : found) slopes.insert(slopes.end(), f.slopes.begin(), f.slopes.end());
+    if (slopes.size() >= kEnough) slope_sigma_ = SlopeSigma(slopes);
     for (std::size_t v = 0; v < views.size(); ++v) {
-      constexpr std::size_t kEnough = 20;
+      states_[v].slope_sigma = slope_sigma_;
       if (found[v].blurs.size() >= kEnough) {
         states_[v].blur_px = Median(found[v].blurs, states_[v].blur_px);
         states_[v].blur_sigma_px = 0.15 * states_[v].blur_px;
@@ -314,6 +318,23 @@ class Reconstructor {
       for (auto& g : found[v].groups) a.groups.push_back(std::move(g));
     }
     SettleClasses(a);
+  }
+
+  // How much light changes beside the edges of a survey: the sigma by which most slopes, each with its own
+  // error, are explained, and for those beside shadows and stains so much more. In even light that is far
+  // less than what may be anywhere, and noise moves an edge far less where its slopes are known.
+  static double SlopeSigma(const std::vector<std::pair<double, double>>& slopes) {
+    constexpr double kShare = 0.9, kNormalAtShare = 1.645, kBesideShadows = 5;
+    constexpr double kLeast = 0.001;  // 1/px: a strip of eight by eight pixels tells no less
+    double low = kLeast, high = kAnySlope / kBesideShadows;
+    for (int it = 0; it < 20; ++it) {
+      const double middle = std::sqrt(low * high);
+      const auto within = std::count_if(slopes.begin(), slopes.end(), [&](const auto& s) {
+        return std::abs(s.first) < kNormalAtShare * std::hypot(s.second, middle);
+      });
+      (static_cast<double>(within) < kShare * static_cast<double>(slopes.size()) ? low : high) = middle;
+    }
+    return kBesideShadows * high;
   }
 
   // A contour is what most of its measured pieces are.
@@ -586,6 +607,7 @@ class Reconstructor {
   std::vector<PlacedObject> drawn_;  // the parts as the line images have them
   DimensionMask captured_;           // per part and dimension: see HoldCaptured
   std::vector<double> significance_;
+  double slope_sigma_ = kAnySlope;  // of light beside edges, of their contrast per px
 };
 
 }  // namespace

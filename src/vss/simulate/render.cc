@@ -51,6 +51,7 @@ class Shader {
         world_from_cam_(picture.cam_from_world.Inverse()),
         ambient_(scene.ambient),
         from_floor_(FloorLight(scene)),
+        has_shadows_(scene.shadows),
         shadows_(mesh, PlaceLamps(scene, picture)) {
     world_from_cam_.translation += picture.stop_error_mm;
   }
@@ -122,6 +123,7 @@ class Shader {
   }
 
   double Covered(std::int32_t seen_plane, int lamp, const Vector3d& point, double pixel_mm) {
+    if (!has_shadows_) return 0;
     const int plane = mesh_.planes[std::size_t(seen_plane)].shadow_plane;
     auto found = std::find_if(near_.begin(), near_.end(),
                               [&](const auto& n) { return n.plane == plane && n.lamp == lamp; });
@@ -158,6 +160,7 @@ class Shader {
   const Visibility& visible_;
   RigidTransform world_from_cam_;
   double ambient_, from_floor_;
+  bool has_shadows_;
   Shadows shadows_;
   PixelRays::Block block_{};
   std::vector<NearBodies> near_;

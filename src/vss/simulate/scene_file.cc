@@ -316,7 +316,11 @@ class SceneReader {
 
   Status ReadLight() {
     if (const TomlValue* light = file_.Find("light")) {
-      VSS_RETURN_IF_ERROR(OnlyThese(*light, {"ambient", "exposure"}));
+      VSS_RETURN_IF_ERROR(OnlyThese(*light, {"ambient", "exposure", "shadows"}));
+      if (const TomlValue* shadows = light->Find("shadows")) {
+        VSS_ASSIGN(const double yes, shadows->AsNumberOrBool());
+        Scene().shadows = yes != 0;
+      }
       VSS_RETURN_IF_ERROR(ReadNumber(*light, "ambient", 0, 100, Scene().ambient));
       VSS_RETURN_IF_ERROR(ReadNumber(*light, "exposure", 1, 1000, Scene().exposure_grey));
     }
@@ -568,8 +572,8 @@ std::string SceneToToml(const SimulatedScene& scene) {
     out += "]\n";
   }
   out += "\n[ground]\n" + MaterialToToml(scene.ground);
-  out += fmt::format("\n[light]\nambient = {}\nexposure = {}\n", TomlNumber(scene.ambient),
-                     TomlNumber(scene.exposure_grey));
+  out += fmt::format("\n[light]\nambient = {}\nexposure = {}\nshadows = {}\n", TomlNumber(scene.ambient),
+                     TomlNumber(scene.exposure_grey), scene.shadows);
   for (const Lamp& l : scene.lamps)
     out += fmt::format("\n[[lamp]]\nposition = {}\nradius = {}\npower = {}\non_gantry = {}\n",
                        TomlArray(l.position), TomlNumber(l.radius_mm), TomlNumber(l.power), l.on_gantry);

@@ -118,6 +118,16 @@ position = [0, 0]
   EXPECT_EQ(knowledge->objects.size(), 2U);
 }
 
+TEST_F(SceneFile, KeepsThatThereAreNoShadows) {
+  const auto with = Read("[[part]]\nkind = \"box\"\nposition = [0, 0]\n");
+  ASSERT_TRUE(with) << with.error().message;
+  EXPECT_TRUE(with->scene.shadows);
+  const auto without = Read("[light]\nshadows = false\n[[part]]\nkind = \"box\"\nposition = [0, 0]\n");
+  ASSERT_TRUE(without) << without.error().message;
+  EXPECT_FALSE(without->scene.shadows);
+  EXPECT_THAT(SceneToToml(without->scene), HasSubstr("shadows = false"));
+}
+
 struct Mistake {
   const char* text;
   const char* says;

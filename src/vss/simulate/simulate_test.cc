@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <numeric>
+#include <set>
 
 #include "vss/feature/line_image.h"
 #include "vss/simulate/random.h"
@@ -159,6 +160,27 @@ TEST(RenderPicture, TheNearerPartHidesTheOther) {
   EXPECT_GT(alone.seen_px[0], 1500);
   EXPECT_EQ(both.seen_px[0], 0);
   EXPECT_GT(both.seen_px[1], 40000);
+}
+
+TEST(RenderPicture, WithoutShadowsEveryFaceIsOfOneGrey) {
+  SimulatedScene scene = PlainScene();
+  const Vector3d g = *scene.pictures[0].gantry_mm;
+  scene.parts = {MakePart("box", {700, 500, 300}, g.x(), g.y(), 0, 0.3)};
+  // Grey values of pixels whose neighbours are like them to a level: those within faces.
+  const auto greys = [&] {
+    const RenderedPicture picture = Render(scene);
+    std::set<int> found;
+    const GreyView view = picture.image.view();
+    for (int v = 1; v < view.height - 1; ++v)
+      for (int u = 1; u < view.width - 1; ++u)
+        if (std::abs(view.At(u + 1, v) - view.At(u - 1, v)) <= 1 &&
+            std::abs(view.At(u, v + 1) - view.At(u, v - 1)) <= 1)
+          found.insert(view.At(u, v));
+    return found.size();
+  };
+  EXPECT_GT(greys(), 10U);  // the floor darkens towards the box
+  scene.shadows = false;
+  EXPECT_LE(greys(), 8U);  // floor, top, two sides, and what lies between by chance
 }
 
 TEST(Shadows, AHalfCoveredLampIsHalfDark) {

@@ -87,6 +87,7 @@ struct SimulatedScene {
   Material ground{0.15, 0, 0.08, 0.1};
   std::vector<Lamp> lamps;
   double ambient = 0.25;       // light of the sky of the hall on a surface that lies open
+  bool shadows = true;         // false: nothing covers a lamp or the sky, every flat face is of one light
   double exposure_grey = 225;  // the brightest hundredth of a picture begins about here (see render.h)
   std::vector<SceneCamera> cameras;
   std::vector<ScenePicture> pictures;
