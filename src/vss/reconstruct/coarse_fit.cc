@@ -260,6 +260,7 @@ CoarseFit FitToLines(const PlacedObject& start, std::span<const View> views, con
   };
   const Sums before = sum_up(start, options.end_width_px);
   CoarseFit fit{start, before.num_samples, before.num_samples > 0 ? before.cost : 1};
+  fit.start_cost = fit.cost;
   PlacedObject object = start;
   for (double width = options.start_width_px;; width = std::max(width * kShrink, options.end_width_px)) {
     const VectorXd prior = PriorWeights(start, width, options);
@@ -275,7 +276,7 @@ CoarseFit FitToLines(const PlacedObject& start, std::span<const View> views, con
     if (width <= options.end_width_px) break;
   }
   const Sums after = sum_up(object, options.end_width_px);
-  if (after.num_samples > 0 && after.cost <= fit.cost) fit = {object, after.num_samples, after.cost};
+  if (after.num_samples > 0 && after.cost <= fit.cost) fit = {object, after.num_samples, after.cost, fit.start_cost};
   return fit;
 }
 

@@ -24,6 +24,7 @@ struct CoarseFit {
   int num_samples = 0;  // contour samples seen
   double cost =
       0;  // mean over the samples of 1 - the best line's weight at the end width: 0 perfect, 1 nothing fits
+  double start_cost = 1;  // that of the start
 };
 
 // For each view, for each of its segments and then arcs: mean squared distance (px^2) of the nearest of a

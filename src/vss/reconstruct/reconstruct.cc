@@ -266,9 +266,11 @@ class Reconstructor {
   }
 
   void DrawToLines(AdjustedPart& part, const Occluders& others, const LineDistances& claimed) const {
+    // A start that is right already is not drawn to what lies beside its edges.
+    constexpr double kClearlyBetter = 0.9;
     CoarseFitOptions o;
     const CoarseFit upright = FitToLines(part.object, views_, &others, claimed, o);
-    part.object = upright.object;
+    if (upright.cost < kClearlyBetter * upright.start_cost) part.object = upright.object;
     if (!options_.allow_tilt || upright.num_samples == 0) return;
     // Leaning parts fit the lines clearly better when they may lean.
     constexpr double kMuchBetter = 0.75;
