@@ -768,6 +768,7 @@ class SceneSolver {
     for (int pass = 0; better && pass < kMaxPasses && !progress_.Cancelled(); ++pass) {
       better = false;
       rivals_.clear();
+      other_sizes_.clear();
       for (int i : order) {
         if (std::find(best.items.begin(), best.items.end(), i) != best.items.end()) continue;
         std::vector<int> removed;
@@ -788,9 +789,17 @@ class SceneSolver {
 
   // What would be lost if item `rival` took the place of `accepted`.
   void NoteRival(int accepted, int rival, double loss) {
-    constexpr double kSamePart = 0.3;
+    constexpr double kSamePart = 0.3, kOtherSizePx = 3;
     const Item &mine = items_[std::size_t(accepted)], &other = items_[std::size_t(rival)];
-    if (mine.kind == other.kind || SharedVolume(mine.volume, other.volume, kTouchMm) < kSamePart) return;
+    if (SharedVolume(mine.volume, other.volume, kTouchMm) < kSamePart) return;
+    if (mine.kind == other.kind) {
+      // Of one kind, but of another size.
+      const double apart = (mine.volume.box.sizes() - other.volume.box.sizes()).cwiseAbs().maxCoeff();
+      if (apart < kOtherSizePx * mm_per_px_) return;
+      const auto it = other_sizes_.try_emplace(accepted, loss).first;
+      it->second = std::min(it->second, loss);
+      return;
+    }
     const auto it = rivals_.find(accepted);
     if (it == rivals_.end() || loss < it->second.loss) rivals_[accepted] = {rival, loss};
   }
@@ -838,8 +847,10 @@ class SceneSolver {
       if (rival != rivals_.end())
         part.runner_up =
             RunnerUp{items_[std::size_t(rival->second.item)].kind, part.log_odds - rival->second.loss};
+      const auto other_size = other_sizes_.find(i);
       part.doubtful = part.log_odds < options_.doubtful_log_odds ||
-                      (rival != rivals_.end() && rival->second.loss < kBarely);
+                      (rival != rivals_.end() && rival->second.loss < kBarely) ||
+                      (other_size != other_sizes_.end() && other_size->second < kBarely);
       result.parts.push_back(std::move(part));
     }
     result.unknown = Unexplained();
@@ -887,6 +898,7 @@ class SceneSolver {
     int item;
     double loss;
   };
+  std::map<int, double> other_sizes_;  // of accepted items: what the least bad of another size would lose
   std::map<int, Rival> rivals_;  // of accepted items: what would explain least less in their place
 };
 
