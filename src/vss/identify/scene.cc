@@ -363,6 +363,11 @@ class SceneSolver {
   void Join(std::size_t a, std::size_t b, std::size_t between) {
     const double slack = 3 * mm_per_px_;
     Eigen::AlignedBox3d room = items_[a].volume.box.merged(items_[b].volume.box);
+    // The same halves come in many readings, with many a wall between them.
+    std::vector<long> place{long(items_[a].support_item), long(items_[a].h.object.resting_pose)};
+    for (int axis = 0; axis < 3; ++axis)
+      for (double side : {room.min()[axis], room.max()[axis]}) place.push_back(std::lround(side / slack));
+    if (!joined_.insert({items_[a].kind, std::move(place)}).second) return;
     room = {room.min().array() - slack, room.max().array() + slack};
     std::vector<WorldLine> lines;
     for (const auto& l : lines_)
@@ -894,6 +899,7 @@ class SceneSolver {
   bool changed_ = false;                           // an item is new or better than at the last choice
   std::map<std::pair<int, int>, bool> conflicts_;  // of items, by index
   std::set<std::pair<std::size_t, std::size_t>> reseated_;  // items tried on plates: what, on what
+  std::set<std::pair<std::string, std::vector<long>>> joined_;  // wholes tried: kind, place
   struct Rival {
     int item;
     double loss;
