@@ -12,7 +12,7 @@ namespace vss {
 struct EdgeResponse {
   double step = 0;       // grey values: plus side (along the normal) less minus side
   double offset_px = 0;  // along the normal
-  double bright = 0;     // the mean of the brighter side
+  double bright = 0;     // grey values: the mean of the brighter side
 };
 
 // `middle` (px, img) of a straight piece of `length_px` along the unit vector `tangent`; the normal is the

@@ -29,9 +29,12 @@ TEST(RespondToEdge, FindsTheStepItsSideAndItsPlace) {
   ASSERT_TRUE(hit);
   EXPECT_GT(hit->step, 40);
   EXPECT_NEAR(hit->offset_px, 1, 0.5);
+  EXPECT_GT(hit->bright, 78);  // within 1.5 px of the edge its blur takes some of the 90
+  EXPECT_LT(hit->bright, 90);
   const auto turned = RespondToEdge(image.view(), on_edge - normal, -tangent, 8, 2);
   ASSERT_TRUE(turned);
   EXPECT_NEAR(turned->step, -hit->step, 1e-9);
+  EXPECT_NEAR(turned->bright, hit->bright, 1e-9);
 }
 
 TEST(RespondToEdge, IsSmallAcrossAnEdgeAndFarFromIt) {
