@@ -607,25 +607,21 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
       if (m.line >= 0 && m.lost == 0)
         m.ends = EndLogOdds(solid, s, scene.views[std::size_t(v)], index.lines()[std::size_t(m.line)],
                             scene.tolerance_px);
-      const bool round = rings && s.source == ContourSample::Source::kCircle;
-      if ((m.line < 0 && grey) || round) {
-        const auto response =
-            RespondToEdge(picture, s.img, s.ideal_tangent, std::min(kPiecePx, s.step_px), scene.tolerance_px);
-        if (response && round) {
-          const bool clear =
-              std::abs(response->step) > kEmptyStep * scene.typical_step[std::size_t(v)] &&
-              std::abs(response->step) > kRingContrast * response->bright;
-          m.rises = !clear ? 0 : response->step > 0 ? 1 : -1;
-        }
-        if (m.line >= 0 || !grey) {
-          in_view.samples.push_back(m);
-          continue;
-        }
-        m.asked = response.has_value();
-        if (response) {
+      const bool ask = grey && m.line < 0, round = rings && s.source == ContourSample::Source::kCircle;
+      if (ask || round) {
+        if (const auto response = RespondToEdge(picture, s.img, s.ideal_tangent, std::min(kPiecePx, s.step_px),
+                                                scene.tolerance_px)) {
           const double strength = std::abs(response->step) / scene.typical_step[std::size_t(v)];
-          m.step = StepLogOdds(strength, out.contours[std::size_t(m.contour)].detect < kDetectStrong);
-          m.empty = strength < kEmptyStep;
+          if (round) {
+            const bool clear =
+                strength > kEmptyStep && std::abs(response->step) > kRingContrast * response->bright;
+            m.rises = !clear ? 0 : response->step > 0 ? 1 : -1;
+          }
+          if (ask) {
+            m.asked = true;
+            m.step = StepLogOdds(strength, out.contours[std::size_t(m.contour)].detect < kDetectStrong);
+            m.empty = strength < kEmptyStep;
+          }
         }
       }
       in_view.samples.push_back(m);
