@@ -52,6 +52,20 @@ std::string ClassOf(const WorldSolid& solid, const ContourSample& s, double lowe
   return s.silhouette ? "outline" : "inner";
 }
 
+// As weigh.cc tells contours of which less is seen.
+std::string WeakOrStrong(const WorldSolid& solid, const ContourSample& s, double lowest) {
+  const std::string name = ClassOf(solid, s, lowest);
+  return name.starts_with("outline") || name.starts_with("inner") || name == "rim" || name == "limb"
+             ? "strong"
+             : "weak";
+}
+
+std::string LengthClass(double px) {
+  for (int bound : {6, 9, 13, 20, 32, 64})
+    if (px < bound) return fmt::format("<{:02} px", bound);
+  return "more";
+}
+
 // Where true contours are, by view: a grid of 4 px with directions.
 struct TrueContours {
   std::map<std::pair<int, int>, std::vector<ContourSample>> cells;
@@ -94,6 +108,9 @@ int main(int argc, char** argv) {
       double lowest = INFINITY;
       for (const auto& p : solid.vertices) lowest = std::min(lowest, p.point.z());
       for (const auto& c : solid.circles) lowest = std::min(lowest, c.center.point.z());
+      std::map<std::pair<ContourSample::Source, int>, double> length;  // px, of each contour's visible pieces
+      for (const auto& s : samples)
+        if (s.visible) length[{s.source, s.index}] += s.step_px;
       for (const auto& s : samples) {
         if (!s.visible || s.step_px < 2) continue;
         if (decoy && true_contours[std::size_t(v)].Near(s)) continue;
@@ -112,6 +129,8 @@ int main(int argc, char** argv) {
         std::vector<std::string> names{decoy ? "DECOY all" : "all"};
         const std::string crowd = beside < 2.5 ? " <2.5" : beside < 5 ? " <5" : "";
         names.push_back((decoy ? "DECOY " : "") + ClassOf(solid, s, lowest) + crowd);
+        names.push_back(fmt::format("{}{} of {}", decoy ? "DECOY " : "", WeakOrStrong(solid, s, lowest),
+                                    LengthClass(length[{s.source, s.index}])));
         for (const auto& n : names) {
           Row& row = rows[n];
           ++row.total;

@@ -50,13 +50,18 @@ constexpr std::array<double, 7> kStepBounds{0.7, 1, 1.5, 2.2, 3.5, 6, 12};
 constexpr std::array<double, 8> kStepStrong{-4.2, -3.7, -3.4, -2.8, -2.1, -1.5, -0.8, 0.7};
 constexpr std::array<double, 8> kStepWeak{-3.1, -2.6, -2.1, -1.8,
                                           -0.9, -0.4, -0.3, 0.3};  // hollow, or in contact
+// Contours of which so few pixels show are seldom lines (a twentieth up to 6 px, half at 16), but show their
+// step: of either kind, shorter than the first and than the second of these.
+constexpr double kShortPx = 9, kMediumPx = 20;
+constexpr std::array<double, 8> kStepShort{-4.6, -4.2, -3.7, -3.0, -1.9, -0.7, 0.6, 2.0};
+constexpr std::array<double, 8> kStepMedium{-4.2, -3.7, -3.3, -2.7, -1.5, -0.8, 0.1, 1.2};
 // A piece where the grey values show no more of a step than anywhere.
 constexpr double kEmptyStep = 1.5;
 // The pieces of contour that were measured there.
 constexpr double kPiecePx = 8;
-// A round edge is darker, or lighter, inside all around: so often a piece of one shows a clear step (more than
-// kEmptyStep, and this share of the brighter side: patches of rust are round too, but soft) of the sign that most
-// others show, and so often a piece of any other ring.
+// A round edge is darker, or lighter, inside all around: so often a piece of one shows a clear step (more
+// than kEmptyStep, and this share of the brighter side: patches of rust are round too, but soft) of the sign
+// that most others show, and so often a piece of any other ring.
 constexpr double kRisesTrue = 0.75, kRisesChance = 0.2;
 constexpr double kRingContrast = 0.25;
 // Of those longer than this (px) the pictures' own arcs tell more.
@@ -135,9 +140,13 @@ double DetectOf(const WorldSolid& solid, ContourSample::Source source, int index
   return e.convex ? kDetectStrong : kDetectWeak;
 }
 
-double StepLogOdds(double strength, bool weak) {
+double StepLogOdds(double strength, bool weak, double visible_px) {
   const auto bin = std::upper_bound(kStepBounds.begin(), kStepBounds.end(), strength) - kStepBounds.begin();
-  return (weak ? kStepWeak : kStepStrong)[std::size_t(bin)];
+  const auto& table = visible_px < kShortPx    ? kStepShort
+                      : visible_px < kMediumPx ? kStepMedium
+                      : weak                   ? kStepWeak
+                                               : kStepStrong;
+  return table[std::size_t(bin)];
 }
 
 double WeightOf(const WorldSolid& solid, const ContourSample& s) {
@@ -369,8 +378,8 @@ void NearestRing(std::span<const ContourSample> samples, const Numbering& number
         const auto* best = *std::min_element(b.begin(), b.end(), [&](const auto* p, const auto* q) {
           return (p->ideal - s->ideal).squaredNorm() < (q->ideal - s->ideal).squaredNorm();
         });
-        distances.push_back(
-            std::abs((best->ideal - s->ideal).dot(Vector2d(-best->ideal_tangent.y(), best->ideal_tangent.x()))));
+        distances.push_back(std::abs(
+            (best->ideal - s->ideal).dot(Vector2d(-best->ideal_tangent.y(), best->ideal_tangent.x()))));
       }
       const auto middle = distances.begin() + std::ptrdiff_t(distances.size() / 2);
       std::nth_element(distances.begin(), middle, distances.end());
@@ -420,8 +429,8 @@ bool RunsOn(const WorldSolid& solid, int e, int vertex, const View& view, const 
   for (std::size_t k = 0; k < solid.edges.size(); ++k) {
     const SolidEdge& other = solid.edges[k];
     if (int(k) == e || (other.start != vertex && other.end != vertex)) continue;
-    const auto to = view.ProjectIdeal(
-        solid.vertices[std::size_t(other.start == vertex ? other.end : other.start)].point);
+    const auto to =
+        view.ProjectIdeal(solid.vertices[std::size_t(other.start == vertex ? other.end : other.start)].point);
     if (to && (*to - *from).dot(outward) > kStraightOn * (*to - *from).norm()) return true;
   }
   return false;
@@ -566,7 +575,8 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
                                  .max_samples = options.max_samples,
                                  .img = options.grey || options.rings};
   std::vector<Hit> hits;
-  std::vector<int> lost, lines;  // lines: of the picture's index, by hit
+  std::vector<int> lost, lines;    // lines: of the picture's index, by hit
+  std::vector<double> visible_px;  // of each contour
   for (int v : views) {
     const GreyView& picture = scene.views[std::size_t(v)].picture;
     const bool grey = options.grey && picture.data != nullptr;
@@ -588,6 +598,9 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
     }
     Share(hits, samples, lost);
     in_view.crowded = NearestParallel(samples, numbering);
+    visible_px.assign(out.contours.size(), 0);
+    for (const auto& s : samples)
+      if (s.visible) visible_px[std::size_t(numbering.Of(s))] += s.step_px;
     std::size_t next_hit = 0;
     for (std::size_t i = 0; i < samples.size(); ++i) {
       const auto& s = samples[i];
@@ -609,8 +622,8 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
                             scene.tolerance_px);
       const bool ask = grey && m.line < 0, round = rings && s.source == ContourSample::Source::kCircle;
       if (ask || round) {
-        if (const auto response = RespondToEdge(picture, s.img, s.ideal_tangent, std::min(kPiecePx, s.step_px),
-                                                scene.tolerance_px)) {
+        if (const auto response = RespondToEdge(picture, s.img, s.ideal_tangent,
+                                                std::min(kPiecePx, s.step_px), scene.tolerance_px)) {
           const double strength = std::abs(response->step) / scene.typical_step[std::size_t(v)];
           if (round) {
             const bool clear =
@@ -619,7 +632,8 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
           }
           if (ask) {
             m.asked = true;
-            m.step = StepLogOdds(strength, out.contours[std::size_t(m.contour)].detect < kDetectStrong);
+            m.step = StepLogOdds(strength, out.contours[std::size_t(m.contour)].detect < kDetectStrong,
+                                 visible_px[std::size_t(m.contour)]);
             m.empty = strength < kEmptyStep;
           }
         }
@@ -632,6 +646,8 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
 }
 
 double IndependentPieces(double px) {
+  // A contour that is shorter is one observation all the same, if as long as the pieces that were measured.
+  if (px < kIndependentPx) return std::min(px / kPiecePx, 1.0);
   const double pieces = px / kIndependentPx;
   return pieces < kFullIndependent ? pieces : kFullIndependent * (1 + std::log(pieces / kFullIndependent));
 }
