@@ -17,6 +17,8 @@ using Eigen::Vector3d;
 constexpr double kMinRise = 0.1;
 // World lines are parallel to within this (sine).
 constexpr double kMaxSkew = 0.035;
+// Short slanted ones to within this: pictures that all look along their plane hardly tell how steep they are.
+constexpr double kMaxSlantSkew = 0.07;
 // Ends of two parallel edges that differ by more pixels than this are two candidates for the end.
 constexpr double kEndTolerancePx = 4;
 // How far (in pixels) the edges of a seed may miss its world lines.
@@ -132,10 +134,10 @@ bool SamePlace(const PlacedObject& a, const PlacedObject& b, double mm_per_px) {
   return true;
 }
 
-// How far to go along `direction` (of the state), between `least` and `most`, for predicted contours to meet lines
-// of many pictures: the best few.
-std::vector<double> VoteAlong(const PlacedObject& o, const Eigen::VectorXd& direction, double least, double most,
-                              std::span<const int> views, const SceneIndex& scene) {
+// How far to go along `direction` (of the state), between `least` and `most`, for predicted contours to meet
+// lines of many pictures: the best few.
+std::vector<double> VoteAlong(const PlacedObject& o, const Eigen::VectorXd& direction, double least,
+                              double most, std::span<const int> views, const SceneIndex& scene) {
   const WorldSolid solid = PlaceSolid(o);
   std::vector<std::pair<double, double>> votes;  // how far, weight
   const ContourSampling sampling{
@@ -194,6 +196,7 @@ class Seeder {
 
   std::vector<Hypothesis> Seeds() {
     FromPairs();
+    FromSlants();
     FromRims();
     return std::move(seeds_);
   }
@@ -222,10 +225,12 @@ class Seeder {
  private:
   void FromPairs() {
     const auto lines = context_.lines;
-    const int least = context_.scene.views.size() > 1 ? 5 : 2;  // two pictures agree on many a line of texture
+    const int least =
+        context_.scene.views.size() > 1 ? 5 : 2;  // two pictures agree on many a line of texture
     for (std::size_t i = 0; i < lines.size(); ++i) {
       for (std::size_t k = 0; k < lines.size(); ++k) {
-        if (i == k || lines[i].num_views + lines[k].num_views < least || !MayPair(lines[i], lines[k])) continue;
+        if (i == k || lines[i].num_views + lines[k].num_views < least || !MayPair(lines[i], lines[k]))
+          continue;
         first_line_ = int(i);
         second_line_ = int(k);
         for (const auto& pair : kind_.pairs) FromPair(pair, lines[i], lines[k]);
@@ -237,7 +242,9 @@ class Seeder {
     if (a.kind == WorldLine::Direction::kVertical || b.kind == WorldLine::Direction::kVertical) return false;
     if (a.start == a.end || b.start == b.end) return false;
     const Vector3d u = a.Unit();
-    if (u.cross(b.Unit()).norm() > kMaxSkew) return false;
+    const bool slanted =
+        a.kind == WorldLine::Direction::kInclined && b.kind == WorldLine::Direction::kInclined;
+    if (u.cross(b.Unit()).norm() > (slanted ? kMaxSlantSkew : kMaxSkew)) return false;
     double lo = (b.start - a.start).dot(u), hi = (b.end - a.start).dot(u);
     if (lo > hi) std::swap(lo, hi);
     return std::min(hi, a.Length()) - std::max(lo, 0.0) > 0.3 * std::min(hi - lo, a.Length());
@@ -256,8 +263,39 @@ class Seeder {
            within(pair.height, (a.start.z() + a.end.z()) / 2 - support_z_);
   }
 
-  // `a` for the pair's first edge, `b` for its second.
+  // How well a line's direction is known: what an offset across it, where the pictures show it least, moves
+  // there, over the line's length.
+  static double Firmness(const WorldLine& l) {
+    const Vector3d e1 = l.Unit().unitOrthogonal(), e2 = l.Unit().cross(e1);
+    Eigen::Matrix<double, 3, 2> across;
+    across << e1, e2;
+    const Eigen::Matrix2d information = across.transpose() * l.px2_per_mm2 * across;
+    return Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(information, Eigen::EigenvaluesOnly)
+               .eigenvalues()[0] *
+           l.num_views * l.Length() * l.Length();
+  }
+
+  // The line turned about its middle into the direction of `other`.
+  static WorldLine Aligned(WorldLine l, const WorldLine& other) {
+    const Vector3d middle = (l.start + l.end) / 2;
+    const Vector3d half = other.Unit() * (l.end - l.start).dot(other.Unit()) / 2;
+    l.start = middle - half;
+    l.end = middle + half;
+    return l;
+  }
+
   void FromPair(const KindTemplate::Pair& pair, const WorldLine& a, const WorldLine& b) {
+    const bool slanted = a.kind == WorldLine::Direction::kInclined;
+    if (!slanted || a.Unit().cross(b.Unit()).norm() < kMaxSkew / 2)
+      FromParallels(pair, a, b);
+    else if (Firmness(a) < Firmness(b))
+      FromParallels(pair, Aligned(a, b), b);
+    else
+      FromParallels(pair, a, Aligned(b, a));
+  }
+
+  // `a` for the pair's first edge, `b` for its second.
+  void FromParallels(const KindTemplate::Pair& pair, const WorldLine& a, const WorldLine& b) {
     if (pair.level) {
       const Vector3d u = a.Unit(), mid = (b.start + b.end) / 2;
       const Vector3d opposite = a.start + u * u.dot(mid - a.start);
@@ -373,6 +411,53 @@ class Seeder {
       best = std::max(best, double(found) / inside);
     }
     return !asked || best >= kMinShare;
+  }
+
+  // Slanted and vertical lines in one upright plane.
+  void FromSlants() {
+    if (kind_.slants.empty()) return;
+    const auto lines = context_.lines;
+    const double near = 2 * kSeedTolerancePx * context_.mm_per_px;
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+      if (lines[i].kind != WorldLine::Direction::kInclined) continue;
+      const WorldLine& slanted = lines[i];
+      Vector3d unit = slanted.Unit();
+      if (unit.z() < 0) unit = -unit;
+      const Vector2d level = unit.head<2>().normalized();
+      const double lo = unit.dot(slanted.start) < unit.dot(slanted.end) ? 0 : -slanted.Length();
+      for (std::size_t k = 0; k < lines.size(); ++k) {
+        if (lines[k].kind != WorldLine::Direction::kVertical) continue;
+        const WorldLine& upright = lines[k];
+        const Vector2d foot = ((upright.start + upright.end) / 2).head<2>() - slanted.start.head<2>();
+        if (std::abs(level.x() * foot.y() - level.y() * foot.x()) > near) continue;
+        // Not farther away than the line is long: the two are of one face.
+        const double along =
+            level.dot(foot) / level.dot(unit.head<2>());  // where the vertical meets the line
+        if (along < lo - slanted.Length() || along > lo + 2 * slanted.Length()) continue;
+        first_line_ = int(i);
+        second_line_ = int(k);
+        for (const auto& s : kind_.slants) FromSlant(s, slanted, unit, lo, upright);
+      }
+    }
+  }
+
+  // `unit`: along `slanted`, upwards, from its start; its lower end lies at `lo`.
+  void FromSlant(const KindTemplate::Slant& slant, const WorldLine& slanted, const Vector3d& unit, double lo,
+                 const WorldLine& upright) {
+    const SolidEdge& edge = usual_solid_.edges[std::size_t(slant.slanted)];
+    const SolidEdge& other = usual_solid_.edges[std::size_t(slant.upright)];
+    Vector3d usual = EdgeDirection(usual_solid_, edge);
+    const bool falls = usual.z() < 0;
+    if (falls) usual = -usual;
+    const double yaw = std::atan2(unit.y(), unit.x()) - std::atan2(usual.y(), usual.x());
+    const double low = std::min(upright.start.z(), upright.end.z()),
+                 high = std::max(upright.start.z(), upright.end.z());
+    const Vector3d foot((upright.start.x() + upright.end.x()) / 2, (upright.start.y() + upright.end.y()) / 2,
+                        0);
+    const EdgeTarget targets[] = {
+        {slant.slanted, slanted.start, unit, lo, lo + slanted.Length(), falls},
+        {slant.upright, foot, Vector3d::UnitZ(), low, high, EdgeDirection(usual_solid_, other).z() < 0}};
+    Seed(yaw, (slanted.start + slanted.end) / 2, targets, {}, false);
   }
 
   void FromRims() {
@@ -719,7 +804,7 @@ void SetRanges(const ObjectModel& model, int rest, KindTemplate::Pair& pair) {
   const auto defs = model.dimensions();
   const int n = int(defs.size());
   struct Place {
-    Vector3d value;            // left, above, height
+    Vector3d value;  // left, above, height
     Eigen::Matrix3Xd by_dimension;
   };
   PlacedObject object = UsualObject(model, rest);
@@ -744,7 +829,8 @@ void SetRanges(const ObjectModel& model, int rest, KindTemplate::Pair& pair) {
   auto set = [&](const Vector3d& lo, const Vector3d& hi) {
     Eigen::AlignedBox1d* ranges[] = {&pair.left, &pair.above, &pair.height};
     for (int k = 0; k < 3; ++k)
-      *ranges[k] = Eigen::AlignedBox1d(Eigen::Matrix<double, 1, 1>(lo[k]), Eigen::Matrix<double, 1, 1>(hi[k]));
+      *ranges[k] =
+          Eigen::AlignedBox1d(Eigen::Matrix<double, 1, 1>(lo[k]), Eigen::Matrix<double, 1, 1>(hi[k]));
   };
   // Linear? The same derivatives at both ends of every range.
   bool linear = true;
@@ -817,6 +903,17 @@ std::vector<KindTemplate> MakeTemplates(const KnowledgeBase& knowledge) {
           KindTemplate::Pair pair{int(i), int(k), same, same && level, {}, {}, {}};
           SetRanges(*model, int(rest), pair);
           t.pairs.push_back(pair);
+        }
+      for (std::size_t i = 0; i < solid.edges.size(); ++i)
+        for (std::size_t k = 0; k < solid.edges.size(); ++k) {
+          const auto &a = solid.edges[i], &b = solid.edges[k];
+          if (a.weight <= 0 || b.weight <= 0) continue;
+          const Vector3d da = EdgeDirection(solid, a).normalized(), db = EdgeDirection(solid, b).normalized();
+          if (std::abs(da.z()) < kMinRise || std::abs(da.z()) > 1 - kMinRise || std::abs(db.z()) < 1 - 1e-9)
+            continue;
+          bool one_face = false;
+          for (int f : {a.left_face, a.right_face}) one_face |= f == b.left_face || f == b.right_face;
+          if (one_face) t.slants.push_back({int(i), int(k)});
         }
       for (std::size_t i = 0; i < solid.circles.size(); ++i)
         if (above(solid.circles[i].plane_face)) t.rims.push_back(int(i));
@@ -1001,8 +1098,8 @@ std::vector<Hypothesis> Slides(const Hypothesis& hypothesis, const SeedContext& 
   Eigen::MatrixXd a(n, n);
   for (int i = 0; i < n; ++i)
     for (int k = 0; k < n; ++k)
-      a(i, k) = fit.information(states[std::size_t(i)], states[std::size_t(k)]) * scale[states[std::size_t(i)]] *
-                scale[states[std::size_t(k)]];
+      a(i, k) = fit.information(states[std::size_t(i)], states[std::size_t(k)]) *
+                scale[states[std::size_t(i)]] * scale[states[std::size_t(k)]];
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(a);
   std::vector<Hypothesis> out;
   for (int way = 0; way < std::min(n, kMost) && solver.eigenvalues()[way] < kWeak; ++way) {
@@ -1013,7 +1110,8 @@ std::vector<Hypothesis> Slides(const Hypothesis& hypothesis, const SeedContext& 
     if (largest < 0.1) continue;  // it moves as a whole
     direction /= largest;
     std::vector<Hypothesis> better;
-    for (double far : VoteAlong(hypothesis.object, direction, -kFarMm, kFarMm, hypothesis.views, context.scene)) {
+    for (double far :
+         VoteAlong(hypothesis.object, direction, -kFarMm, kFarMm, hypothesis.views, context.scene)) {
       Hypothesis h = hypothesis;
       h.object.SetState(hypothesis.object.State() + far * direction);
       if (!InRange(h.object, 0) || !Allowed(h.object)) continue;

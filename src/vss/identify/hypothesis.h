@@ -1,9 +1,10 @@
 // Hypotheses: an object of the knowledge base laid on edges of the world.
 //
 // A seed is a pair of parallel world lines taken for a pair of parallel contour edges of one face that is
-// seen from above, or a world circle taken for a rim. It fixes place and most dimensions by least squares
-// (the vertices of an extruded solid are linear in them); dimensions that it leaves open are voted for by all
-// lines of all pictures.
+// seen from above, a slanted and a vertical one taken for edges of an upright face (of a thin plate often
+// only one of the parallel ones is found), or a world circle taken for a rim. It fixes place and most
+// dimensions by least squares (the vertices of an extruded solid are linear in them); dimensions that it
+// leaves open are voted for by all lines of all pictures.
 #pragma once
 #include <Eigen/Geometry>
 #include <optional>
@@ -35,11 +36,15 @@ struct KindTemplate {
     int first, second;  // edges, parallel, of one face seen from above
     bool same_extent;   // their ends lie side by side whatever the dimensions
     bool level;         // and at one height
-    // What the dimensions' ranges allow, mm: how far the second lies from the first, to its left and above, and
-    // the first above the support. Unbounded where that is not linear in the dimensions.
+    // What the dimensions' ranges allow, mm: how far the second lies from the first, to its left and above,
+    // and the first above the support. Unbounded where that is not linear in the dimensions.
     Eigen::AlignedBox1d left, above, height;
   };
   std::vector<Pair> pairs;
+  struct Slant {
+    int slanted, upright;  // edges of one upright face
+  };
+  std::vector<Slant> slants;
   std::vector<int> rims;  // circles of a face seen from above
 };
 std::vector<KindTemplate> MakeTemplates(const KnowledgeBase& knowledge);
@@ -84,8 +89,8 @@ std::optional<Hypothesis> Reseat(const Hypothesis& hypothesis, const SeedContext
 // Fits the object to the lines (z and tilt held) where that explains more, and weighs it.
 void RefineAndWeigh(Hypothesis& hypothesis, const SeedContext& context);
 
-// What a hypothesis becomes where it slides along its own lines, as they allow without moving off them (an end
-// that is not where it was thought to be), to where further contours meet lines: those that explain more.
+// What a hypothesis becomes where it slides along its own lines, as they allow without moving off them (an
+// end that is not where it was thought to be), to where further contours meet lines: those that explain more.
 std::vector<Hypothesis> Slides(const Hypothesis& hypothesis, const SeedContext& context);
 
 }  // namespace vss

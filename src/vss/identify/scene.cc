@@ -129,11 +129,12 @@ class SceneSolver {
   static constexpr double kBarely =
       10;  // natural logarithm of the odds: as good as nothing between two readings
   static constexpr double kClearly = 1e-6;
+  static constexpr double kWorthSliding = -20;  // less, and no end that is moved makes a part of it
   // Parts touch that are no farther apart than places are unsure by before reconstruction; what relations ask
   // about is not farther than this.
   static constexpr double kSlackPx = 1.5, kReachPx = 40;
-  // Of one picture: from height to height a contour moves by no more than the fit to lines catches; nothing that
-  // is higher than this share of the camera's height is looked for.
+  // Of one picture: from height to height a contour moves by no more than the fit to lines catches; nothing
+  // that is higher than this share of the camera's height is looked for.
   static constexpr double kHeightStepPx = 6, kMostOfEye = 0.25;
   static constexpr int kMaxRounds = 4;  // what stands on what stands on what stands on the ground
 
@@ -274,7 +275,8 @@ class SceneSolver {
       for (auto& h : Promising(std::move(by_template[i]), context)) seeds.push_back({i, std::move(h)});
     std::vector<std::vector<Completion>> completed(seeds.size());
     ParallelFor(seeds.size(), threads_, [&](std::size_t i) {
-      if (!progress_.Cancelled()) completed[i] = Complete(templates_[seeds[i].first], context, seeds[i].second);
+      if (!progress_.Cancelled())
+        completed[i] = Complete(templates_[seeds[i].first], context, seeds[i].second);
     });
     std::vector<std::vector<Completion>> of_template(templates_.size());
     for (std::size_t i = 0; i < seeds.size(); ++i)
@@ -289,14 +291,24 @@ class SceneSolver {
       const KindTemplate& kind = templates_[distinct[i].first];
       const double least = options_.accept_log_odds - MostOfRelations(*kind.model);
       Hypothesis h = Finish(kind, context, distinct[i].second);
+      if (IsSlanted(h, context) && h.log_odds > kWorthSliding)
+        for (auto& slid : Slides(h, context))
+          if (slid.log_odds > h.log_odds) h = std::move(slid);
       if (h.log_odds >= least) {
         WeighInAllViews(h, context);
-        if (h.log_odds >= least && (!IsSinglePicture() || ShowsHeight(h, context))) finished[i] = std::move(h);
+        if (h.log_odds >= least && (!IsSinglePicture() || ShowsHeight(h, context)))
+          finished[i] = std::move(h);
       }
       progress_.Report("hypotheses", ++done, int(distinct.size()));
     });
     for (auto& h : finished)
       if (h) Keep(std::move(*h), support);
+  }
+
+  // From above a slanted edge and the level one that goes on from it are one line: where it ends is not told.
+  static bool IsSlanted(const Hypothesis& h, const SeedContext& context) {
+    return h.first_line >= 0 &&
+           context.lines[std::size_t(h.first_line)].kind == WorldLine::Direction::kInclined;
   }
 
   // Ends of accepted parts may be wrong though their edges are right.
@@ -409,9 +421,7 @@ class SceneSolver {
     std::vector<Hypothesis> out;
     for (std::size_t i : order) {
       Hypothesis& h = seeds[i];
-      const bool slanted = h.first_line >= 0 &&
-                           context.lines[std::size_t(h.first_line)].kind == WorldLine::Direction::kInclined;
-      const int most = slanted ? kPerSlantedLine : kPerLine;
+      const int most = IsSlanted(h, context) ? kPerSlantedLine : kPerLine;
       if (h.first_line >= 0 && (used[h.first_line] >= most || used[h.second_line] >= most)) continue;
       ++used[h.first_line];
       ++used[h.second_line];
@@ -431,8 +441,8 @@ class SceneSolver {
                      .Score();
   }
 
-  // In one picture a top alone may be a small one that is near or a large one that is far: what stands below it
-  // must speak for its height.
+  // In one picture a top alone may be a small one that is near or a large one that is far: what stands below
+  // it must speak for its height.
   bool ShowsHeight(const Hypothesis& h, const SeedContext& context) const {
     constexpr double kBelowTopPx = 2, kLeast = 6;  // half of what makes a part
     const WorldSolid solid = PlaceSolid(h.object, false);
@@ -898,14 +908,14 @@ class SceneSolver {
   std::vector<int> accepted_;
   bool changed_ = false;                           // an item is new or better than at the last choice
   std::map<std::pair<int, int>, bool> conflicts_;  // of items, by index
-  std::set<std::pair<std::size_t, std::size_t>> reseated_;  // items tried on plates: what, on what
+  std::set<std::pair<std::size_t, std::size_t>> reseated_;      // items tried on plates: what, on what
   std::set<std::pair<std::string, std::vector<long>>> joined_;  // wholes tried: kind, place
   struct Rival {
     int item;
     double loss;
   };
   std::map<int, double> other_sizes_;  // of accepted items: what the least bad of another size would lose
-  std::map<int, Rival> rivals_;  // of accepted items: what would explain least less in their place
+  std::map<int, Rival> rivals_;        // of accepted items: what would explain least less in their place
 };
 
 }  // namespace
