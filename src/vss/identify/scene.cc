@@ -44,6 +44,7 @@ struct Item {
   double top_mm = 0;
   int candidate = -1;  // of the ledger
   double alone = NAN;  // log-odds before the choice; 0: it stands nowhere
+  int inside = 0;      // EdgesInside()
   bool accepted = false;
   int part = -1;  // index among the accepted
 };
@@ -129,6 +130,12 @@ class SceneSolver {
   static constexpr double kBarely =
       10;  // natural logarithm of the odds: as good as nothing between two readings
   static constexpr double kClearly = 1e-6;
+  // What an edge costs that runs where the part would be solid: none did in a hundred and fifty true ones, in
+  // every fourth box that was taken for a channel one did.
+  static constexpr double kOpaque = 10;
+  // Two parts that lie against each other, parallel and both ends flush, within pixels: four coincidences,
+  // each of some 1 in 100, where one part of that section needs none.
+  static constexpr double kFlush = 20, kFlushPx = 5, kFlushRad = 2 * kPi / 180;
   static constexpr double kWorthSliding = -20;  // less, and no end that is moved makes a part of it
   // Parts touch that are no farther apart than places are unsure by before reconstruction; what relations ask
   // about is not farther than this.
@@ -311,23 +318,31 @@ class SceneSolver {
            context.lines[std::size_t(h.first_line)].kind == WorldLine::Direction::kInclined;
   }
 
-  // Ends of accepted parts may be wrong though their edges are right.
+  // Ends of accepted parts, and of what came second there, may be wrong though their edges are right.
   void SlideAccepted() {
-    const std::vector<int> parts = accepted_;
-    std::vector<std::vector<Hypothesis>> slid(parts.size());
-    ParallelFor(parts.size(), threads_, [&](std::size_t i) {
-      std::vector<int> rest = parts;
-      std::erase(rest, parts[i]);
+    struct Candidate {
+      int item, accepted;  // in whose place it would be
+    };
+    std::vector<Candidate> candidates;
+    for (int i : accepted_) {
+      candidates.push_back({i, i});
+      if (const auto rival = rivals_.find(i); rival != rivals_.end())
+        candidates.push_back({rival->second.item, i});
+    }
+    std::vector<std::vector<Hypothesis>> slid(candidates.size());
+    ParallelFor(candidates.size(), threads_, [&](std::size_t i) {
+      std::vector<int> rest = accepted_;
+      std::erase(rest, candidates[i].accepted);
       const Known around = Explained(rest);
       SeedContext context = Context();
       context.others = &around.others;
       context.claims = &around.claims;
-      Hypothesis h = items_[std::size_t(parts[i])].h;
+      Hypothesis h = items_[std::size_t(candidates[i].item)].h;
       WeighInAllViews(h, context);
       slid[i] = Slides(h, context);
     });
-    for (std::size_t i = 0; i < parts.size(); ++i)
-      for (auto& h : slid[i]) Keep(std::move(h), items_[std::size_t(parts[i])].support_item);
+    for (std::size_t i = 0; i < candidates.size(); ++i)
+      for (auto& h : slid[i]) Keep(std::move(h), items_[std::size_t(candidates[i].item)].support_item);
   }
 
   // A plate on which something stands upright shows as two, one on either side: of two of one kind and height
@@ -352,14 +367,8 @@ class SceneSolver {
     // In the wall's frame: along it and across.
     const double yaw = wall.h.object.placement[3];
     const Vector3d u(std::cos(yaw), std::sin(yaw), 0), w(-std::sin(yaw), std::cos(yaw), 0);
-    auto extent = [](const Item& item, const Vector3d& d) {
-      std::pair<double, double> e{INFINITY, -INFINITY};
-      for (const auto& v : item.volume.triangles)
-        for (const auto& p : v) e = {std::min(e.first, d.dot(p)), std::max(e.second, d.dot(p))};
-      return e;
-    };
-    const auto ua = extent(one, u), ub = extent(other, u), wa = extent(one, w), wb = extent(other, w),
-               ww = extent(wall, w);
+    const auto ua = Extent(one, u), ub = Extent(other, u), wa = Extent(one, w), wb = Extent(other, w),
+               ww = Extent(wall, w);
     const double common = std::min(ua.second, ub.second) - std::max(ua.first, ub.first);
     if (common < kAligned * std::max(ua.second - ua.first, ub.second - ub.first)) return false;
     const double slack = 4 * mm_per_px_ + (ww.second - ww.first);
@@ -506,6 +515,7 @@ class SceneSolver {
         item.h = std::move(h);
         other = std::move(item);
         conflicts_.clear();
+        flush_.clear();
         reseated_.clear();
       }
       return;
@@ -603,6 +613,41 @@ class SceneSolver {
     return false;
   }
 
+  bool Flush(int a, int b) {
+    const auto key = std::minmax(a, b);
+    const auto it = flush_.find(key);
+    if (it != flush_.end()) return it->second;
+    return flush_[key] = AreFlush(items_[std::size_t(key.first)], items_[std::size_t(key.second)]);
+  }
+
+  bool AreFlush(const Item& a, const Item& b) const {
+    const double near = kFlushPx * mm_per_px_;
+    if (a.support_item != b.support_item || !HasEdges(a) || !HasEdges(b)) return false;
+    const double turn = std::remainder(a.h.object.placement[3] - b.h.object.placement[3], kPi / 2);
+    if (std::abs(turn) > kFlushRad) return false;
+    const double yaw = a.h.object.placement[3];
+    const Vector3d u(std::cos(yaw), std::sin(yaw), 0), w(-std::sin(yaw), std::cos(yaw), 0);
+    for (const auto& [along, across] : {std::pair{u, w}, std::pair{w, u}}) {
+      const auto ends = Extent(a, along), other_ends = Extent(b, along), sides = Extent(a, across),
+                 other_sides = Extent(b, across);
+      const double gap =
+          std::max(sides.first, other_sides.first) - std::min(sides.second, other_sides.second);
+      if (std::abs(ends.first - other_ends.first) < near &&
+          std::abs(ends.second - other_ends.second) < near && std::abs(gap) < near)
+        return true;
+    }
+    return false;
+  }
+
+  static bool HasEdges(const Item& item) { return !PlaceSolid(item.h.object, false).edges.empty(); }
+
+  static std::pair<double, double> Extent(const Item& item, const Vector3d& direction) {
+    std::pair<double, double> e{INFINITY, -INFINITY};
+    for (const auto& t : item.volume.triangles)
+      for (const auto& p : t) e = {std::min(e.first, direction.dot(p)), std::max(e.second, direction.dot(p))};
+    return e;
+  }
+
   // What stands on item `i`'s supports, they included, that `accepted` lacks: `i` first.
   std::vector<int> ChainOf(int i, const std::vector<bool>& accepted) const {
     std::vector<int> chain;
@@ -629,12 +674,37 @@ class SceneSolver {
     for (auto& item : items_)
       if (std::isnan(item.alone)) {
         const Ledger::Share share = ledger_.Alone(item.candidate);
-        const double relations = MostOfRelations(*item.h.object.model);
-        item.alone = Stands(share, relations) ? share.log_odds : 0;
+        item.inside = EdgesInside(item);
+        const double opaque = -kOpaque * item.inside;
+        const double others = MostOfRelations(*item.h.object.model) + opaque;
+        item.alone = Stands(share, others) ? share.log_odds + opaque : 0;
         // Alone, or beside the parts that were known when it was found: they may hide what is not seen of it.
-        if (item.h.log_odds + relations >= options_.accept_log_odds)
-          item.alone = std::max(item.alone, item.h.log_odds);
+        if (item.h.log_odds + others >= options_.accept_log_odds)
+          item.alone = std::max(item.alone, item.h.log_odds + opaque);
       }
+  }
+
+  // How many edges of the world run inside the item: it is opaque, and were it there, nobody could see them.
+  // What lines of several pictures meet in by chance lies anywhere, and seldom long and deep inside.
+  int EdgesInside(const Item& item) const {
+    constexpr double kDeepPx = 4;
+    constexpr int kSteps = 7, kMost = 5;
+    const double deep = kDeepPx * mm_per_px_;
+    int count = 0;
+    for (const auto& l : scene_.world_lines) {
+      if (l.num_stops < 2 || l.Length() < kSureLinePx * mm_per_px_) continue;
+      int inside = 0;
+      for (int k = 0; k < kSteps; ++k) {
+        const Vector3d p = l.start + (l.end - l.start) * ((k + 0.5) / kSteps);
+        if (!item.volume.Contains(p)) continue;
+        bool is_deep = true;
+        for (const Vector3d& axis : {Vector3d(deep, deep, 0), Vector3d(deep, -deep, 0), Vector3d(0, 0, deep)})
+          is_deep = is_deep && item.volume.Contains(p + axis) && item.volume.Contains(p - axis);
+        inside += is_deep;
+      }
+      count += inside >= kMost;
+    }
+    return count;
   }
 
   bool Stands(const Ledger::Share& share, double relations) const {
@@ -671,8 +741,10 @@ class SceneSolver {
     double total = 0;
     const auto shares = ledger_.Weigh(candidates);
     for (std::size_t n = 0; n < items.size(); ++n) {
-      const double relations = Relations(items[n], items);
-      total += (Stands(shares[n], relations) ? shares[n].log_odds + relations : 0) - options_.accept_log_odds;
+      const double others = Relations(items[n], items) - kOpaque * items_[std::size_t(items[n])].inside;
+      total += (Stands(shares[n], others) ? shares[n].log_odds + others : 0) - options_.accept_log_odds;
+      for (std::size_t m = 0; m < n; ++m)
+        if (Flush(items[m], items[n])) total -= kFlush;
     }
     return total;
   }
@@ -857,7 +929,8 @@ class SceneSolver {
       part.object = item.h.object;
       part.stands_on = item.support_item < 0 ? -1 : items_[std::size_t(item.support_item)].part;
       part.views = ViewsThatSee(PlaceSolid(part.object, false), views_, int(views_.size()));
-      part.log_odds = shares[std::size_t(item.part)].log_odds + Relations(i, accepted_);
+      part.log_odds =
+          shares[std::size_t(item.part)].log_odds + Relations(i, accepted_) - kOpaque * item.inside;
       const auto rival = rivals_.find(i);
       if (rival != rivals_.end())
         part.runner_up =
@@ -906,8 +979,8 @@ class SceneSolver {
   std::vector<WorldCircle> circles_;
   std::vector<Item> items_;
   std::vector<int> accepted_;
-  bool changed_ = false;                           // an item is new or better than at the last choice
-  std::map<std::pair<int, int>, bool> conflicts_;  // of items, by index
+  bool changed_ = false;                                   // an item is new or better than at the last choice
+  std::map<std::pair<int, int>, bool> conflicts_, flush_;  // of items, by index
   std::set<std::pair<std::size_t, std::size_t>> reseated_;      // items tried on plates: what, on what
   std::set<std::pair<std::string, std::vector<long>>> joined_;  // wholes tried: kind, place
   struct Rival {
