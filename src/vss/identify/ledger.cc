@@ -204,6 +204,10 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
       out[n].log_odds += log_odds;
       if (contours[k].elevated) out[n].elevated_log_odds += log_odds;
     }
+    const double open_ledges = OpenLedges(candidates_[std::size_t(set[n])].measured,
+                                          std::span(sums).subspan(first_contour[n], contours.size()));
+    out[n].log_odds += open_ledges;
+    out[n].elevated_log_odds += open_ledges;
   }
   return out;
 }

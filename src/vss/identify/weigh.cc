@@ -82,6 +82,9 @@ constexpr double kSigmaShare = 0.35;
 constexpr double kPulled = 0.2;
 // A line speaks for a contour so far beyond its own ends.
 constexpr double kEndSlackPx = 0.5;
+// Ends of a ledge that are rather not there than there: so in none of forty true ones, in most that were made
+// of a shadow.
+constexpr double kOpenLedge = 8;
 // A contour is above its support from this height on, in pixels' size.
 constexpr double kElevatedPx = 1.5;
 // What is lower than this, in pixels' size, is compared with its own outline painted on the support.
@@ -552,6 +555,40 @@ struct Tally {
 
 }  // namespace
 
+namespace {
+
+// Of level faces that lie between the support and the top, and more than `apart_mm` from both, the edges that
+// run across their longest one.
+std::vector<std::vector<int>> LedgeEnds(const WorldSolid& solid, double apart_mm) {
+  constexpr double kLevel = 0.999, kAcross = 0.5;  // cosines
+  double low = INFINITY, high = -INFINITY;
+  for (const auto& v : solid.vertices) low = std::min(low, v.point.z()), high = std::max(high, v.point.z());
+  std::vector<std::vector<int>> out;
+  for (std::size_t f = 0; f < solid.faces.size(); ++f) {
+    if (solid.faces[f].is_cylinder || solid.faces[f].normal_in_part.z() < kLevel) continue;
+    std::vector<std::pair<int, Vector3d>> sides;
+    double longest = 0, z = low;
+    Vector3d along = Vector3d::Zero();
+    for (std::size_t i = 0; i < solid.edges.size(); ++i) {
+      const SolidEdge& e = solid.edges[i];
+      if (e.left_face != int(f) && e.right_face != int(f)) continue;
+      const Vector3d d =
+          solid.vertices[std::size_t(e.end)].point - solid.vertices[std::size_t(e.start)].point;
+      z = solid.vertices[std::size_t(e.start)].point.z();
+      sides.push_back({int(i), d.normalized()});
+      if (d.norm() > longest) longest = d.norm(), along = d.normalized();
+    }
+    if (z < low + apart_mm || z > high - apart_mm) continue;
+    std::vector<int> ends;
+    for (const auto& [i, d] : sides)
+      if (std::abs(d.dot(along)) < kAcross && solid.edges[std::size_t(i)].weight > 0) ends.push_back(i);
+    if (ends.size() > 1) out.push_back(std::move(ends));
+  }
+  return out;
+}
+
+}  // namespace
+
 MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
                                  const WeighOptions& options, const Occluders* others) {
   const Numbering numbering(solid);
@@ -570,6 +607,7 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
       contour.detect = DetectOf(solid, contour.source, contour.index, lowest_z);
     contour.elevated = TopOf(solid, contour.source, contour.index) > lowest_z + kElevatedPx * scene.mm_per_px;
   }
+  out.ledge_ends = LedgeEnds(solid, kElevatedPx * scene.mm_per_px);
   const ContourSampling sampling{.spacing_px = options.spacing_px,
                                  .min_samples = options.min_samples,
                                  .max_samples = options.max_samples,
@@ -643,6 +681,16 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
     if (!in_view.samples.empty()) out.views.push_back(std::move(in_view));
   }
   return out;
+}
+
+double OpenLedges(const MeasuredContours& measured, std::span<const double> log_odds) {
+  double sum = 0;
+  for (const auto& ends : measured.ledge_ends) {
+    double of_ends = 0;
+    for (int k : ends) of_ends += log_odds[std::size_t(k)];
+    if (of_ends < 0) sum -= kOpenLedge;
+  }
+  return sum;
 }
 
 double IndependentPieces(double px) {
@@ -774,6 +822,11 @@ Evidence WeighContours(const WorldSolid& solid, std::span<const int> views, cons
     out.supported_px += e.supported_px;
     out.edges.push_back(e);
   }
+  std::vector<double> by_contour;
+  for (const auto& e : edges) by_contour.push_back(e.log_odds);
+  const double open_ledges = OpenLedges(measured, by_contour);
+  out.log_odds += open_ledges;
+  out.elevated_log_odds += open_ledges;
   out.log_odds += options.prior_log_odds;
   out.elevated_log_odds += kElevatedPrior * options.prior_log_odds;
   return out;

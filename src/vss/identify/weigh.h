@@ -114,7 +114,12 @@ struct MeasuredContours {
   };
   std::vector<Contour> contours;
   std::vector<InView> views;
+  // Of each ledge (a level face below the top, as the lying leg of an angle) the contours across it.
+  std::vector<std::vector<int>> ledge_ends;
 };
+// What it costs that the ends of a ledge are rather not there than there: two long edges alone may be shadows
+// of one. `log_odds`: by contour.
+double OpenLedges(const MeasuredContours& measured, std::span<const double> log_odds);
 MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
                                  const WeighOptions& options, const Occluders* others = nullptr);
 
