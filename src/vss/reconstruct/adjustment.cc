@@ -277,7 +277,9 @@ void Adjustment::UpdateWeights() {
     }
     group.mean_px = sum > 0 ? weighted / sum : 0;
     group.sigma_mean_px = sum > 0 ? 1 / std::sqrt(sum) : 1e3;
-    const double s = systematic_px[static_cast<std::size_t>(group.edge_class)];
+    // By the same sigma as the group weighs with: judged by its class's, an edge in uneven light that lost one
+    // picture to a pull is pulled farther, loses the next, and so goes away from round to round.
+    const double s = std::max(systematic_px[static_cast<std::size_t>(group.edge_class)], group.systematic_px);
     group.weight = GroupWeight(group.mean_px / std::hypot(s, group.sigma_mean_px));
   }
 }
