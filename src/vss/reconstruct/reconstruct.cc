@@ -432,7 +432,7 @@ class Reconstructor {
   }
 
   // A dimension that left the knowledge base's range, or went further than its edge was searched for in the
-  // grey values, was captured by another edge: its own is not seen. It is held at what is usual, and its part
+  // grey values from where it was drawn to and from where identification had it, was captured by another edge: its own is not seen. It is held at what is usual, and its part
   // starts anew. True where one was.
   bool HoldCaptured(Adjustment& a) {
     captured_.resize(a.parts.size());
@@ -448,8 +448,9 @@ class Reconstructor {
       std::vector<std::optional<double>> known(defs.size());
       for (std::size_t i = 0; i < defs.size(); ++i) {
         const double value = part.object.dimensions_mm[i];
-        captured[i] = held[i] || value < defs[i].min_mm || value > defs[i].max_mm ||
-                      std::abs(value - start.dimensions_mm[i]) > reach_mm;
+        const double way = std::min(std::abs(value - start.dimensions_mm[i]),
+                                    std::abs(value - given_[p].object.dimensions_mm[i]));
+        captured[i] = held[i] || value < defs[i].min_mm || value > defs[i].max_mm || way > reach_mm;
         if (!captured[i]) known[i] = value;
       }
       captured_[p] = captured;
