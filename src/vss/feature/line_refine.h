@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "vss/feature/line_image.h"
+#include "vss/feature/segment_grid.h"
 #include "vss/feature/strip_fit.h"
 
 namespace vss {
@@ -19,8 +20,7 @@ struct RefineBuffers {
   StripBuffers strip;
   std::vector<StripNeighbour> neighbours;
   std::vector<LineSegment> before;
-  std::vector<std::uint32_t> cell_start, cell_items, nearby, seen;
-  std::uint32_t stamp = 0;
+  SegmentGrid grid;
   std::vector<char> sound;       // needs no second fit
   std::vector<float> coherence;  // of the fit's residuals
 };

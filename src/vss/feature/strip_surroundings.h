@@ -1,0 +1,33 @@
+// What lies about a segment's strip: parallel edges, corners, all else that keeps pixels out of it.
+#pragma once
+#include "vss/feature/line_refine.h"
+
+namespace vss {
+
+inline constexpr double kStripReachPx = 5;  // of the strip on either side
+inline constexpr double kStripMarginPx =
+    2.5;  // an edge of usual blur has reached its levels at this distance
+inline constexpr double kNearPx = kStripReachPx + kStripMarginPx + 2;
+
+struct Surroundings {
+  int partner = -1;  // a parallel edge so near that both are fitted together
+  StripEdge partner_edge{};
+};
+
+// The neighbours of a segment with the frame `f` among b.grid.nearby, into b.neighbours.
+Surroundings Survey(const StripFrame& f, const std::vector<LineSegment>& segments, RefineBuffers& b);
+
+// Corners of two regions at the ends of `s`: lines that it meets with the same
+// levels on both sides.
+struct Corners {
+  StripCorner at[2];
+  std::size_t count = 0;
+  bool dark = false, at_start = false, at_end = false;
+};
+
+// Finds the corners of `s` among b.grid.nearby and takes their lines out of
+// b.neighbours (`frame` is that of the neighbours).
+Corners FindCorners(const Intrinsics* lens, const LineSegment& s, const std::vector<LineSegment>& all,
+                    const StripFrame& frame, RefineBuffers& b);
+
+}  // namespace vss
