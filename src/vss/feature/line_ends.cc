@@ -106,11 +106,11 @@ void MarkBorders(const GreyView& image, LineSegment& s) {
 // Whether `s` tells of the same edge as the longer `o`: the same polarity,
 // lying along it.
 bool Repeats(const LineSegment& s, const LineSegment& o) {
-  constexpr double kMinCosine = 0.9, kMaxBlurs = 1.3, kMinDistancePx = 1.0, kOvershootPx = 3;
+  constexpr double kMinCosine = 0.9, kOvershootPx = 3;
   const Vector2d d = s.ideal_end - s.ideal_start, e = o.ideal_end - o.ideal_start;
   const double length = e.norm();
   if (d.squaredNorm() >= e.squaredNorm() || d.dot(e) < kMinCosine * d.norm() * length) return false;
-  const double limit = std::max(kMinDistancePx, kMaxBlurs * std::hypot(o.blur_px, 0.29));
+  const double limit = SameEdgePx(std::hypot(o.blur_px, 0.29));
   for (const Vector2d& p : {s.ideal_start, s.ideal_end}) {
     const Vector2d w = p - o.ideal_start;
     const double along = w.dot(e) / length;

@@ -23,17 +23,27 @@ double NoiseAt(const NoiseMap& noise, const GreyView& image, const Vector2d& p) 
 double EndMargin(double length) { return std::clamp(0.12 * length, 0.5, 2.5); }
 
 struct Gate {
-  double max_move_px = 1,
-         max_move_beside_px = 2;  // the raw place of an edge is drawn towards one close beside it
+  double max_move_px = 1;  // of the middle
+  double max_turn = 2;     // the ends may move by so many times more
   double min_contrast_share = 0.3, max_contrast_share = 3;
 };
 
+// Whether the fit stays near the raw segment. Where the model explains the pixels down to the noise, an edge
+// may have moved as far as a blurred one's points wander; one close beside another was drawn towards it.
 bool Passes(const StripFit& fit, const StripEdge& edge, const StripFrame& f, double raw_contrast,
-            bool beside) {
-  const Gate gate;
+            double blur_px, double noise, bool beside) {
+  constexpr double kBesidePx = 2;
+  constexpr double kExplained =
+      1.15;  // residuals over noise: more is texture, in which likelihood may run off
+  Gate gate;
   if (!fit.ok) return false;
-  const double a = edge.offset + edge.slope * f.from, b = edge.offset + edge.slope * f.to;
-  if (std::max(std::abs(a), std::abs(b)) > (beside ? gate.max_move_beside_px : gate.max_move_px))
+  const bool explained = fit.residual_sigma < kExplained * noise;
+  gate.max_move_px = beside ? kBesidePx : explained ? SameEdgePx(blur_px) : gate.max_move_px;
+  if (!explained) gate.max_turn = 1;
+  const double middle = 0.5 * (f.from + f.to), a = edge.offset + edge.slope * f.from,
+               b = edge.offset + edge.slope * f.to;
+  if (std::abs(edge.offset + edge.slope * middle) > gate.max_move_px ||
+      std::max(std::abs(a), std::abs(b)) > gate.max_turn * gate.max_move_px)
     return false;
   return edge.contrast > gate.min_contrast_share * raw_contrast &&
          edge.contrast < gate.max_contrast_share * raw_contrast;
@@ -71,13 +81,16 @@ struct Attempt {
   int index = 0;  // which of the fit's edges is the segment
 };
 
+double StartBlur(const LineSegment& s, const KnownBlur& known) {
+  return known.blur_px > 0 ? known.blur_px : std::clamp(std::hypot(s.blur_px, 0.29), 0.6, 2.0);
+}
+
 StripSettings SettingsFor(const RefineContext& x, const StripFrame& frame, const LineSegment& s,
                           const KnownBlur& known, const Corners& corners) {
   StripSettings settings;
   settings.reach_px = kStripReachPx, settings.margin_px = kStripMarginPx;
   settings.noise_sigma = NoiseAt(x.noise, x.image, frame.middle);
-  settings.start_blur_px =
-      known.blur_px > 0 ? known.blur_px : std::clamp(std::hypot(s.blur_px, 0.29), 0.6, 2.0);
+  settings.start_blur_px = StartBlur(s, known);
   settings.blur_sigma_px = kBlurSpread * known.blur_px;
   settings.corners = std::span(corners.at, corners.count);
   settings.dark_corners = corners.dark;
@@ -135,7 +148,8 @@ Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const Li
   const StripSettings settings = SettingsFor(x, frame, s, known, corners);
   const Attempt two = FitWith(x, frame, hidden->main, &hidden->other, settings, b);
   const StripEdge &main = two.fit.edges[two.index], &other = two.fit.edges[1 - two.index];
-  if (!Passes(two.fit, main, frame, s.contrast, false) || std::abs(main.offset) > std::abs(other.offset) ||
+  if (!Passes(two.fit, main, frame, s.contrast, settings.start_blur_px, settings.noise_sigma, false) ||
+      std::abs(main.offset) > std::abs(other.offset) ||
       std::abs(other.contrast) < kMinHiddenShare * main.contrast ||
       std::abs(main.offset - other.offset) < settings.start_blur_px)
     return single;
@@ -183,19 +197,22 @@ void RefinePlaces(const RefineContext& x, std::vector<LineSegment>& segments, Re
       const LineSegment& raw = b.before[i];
       const StripFrame whole = FrameOf(x.lens, raw);
       b.grid.FindNearby(b.before, i, kNearPx);
-      const Surroundings around = Survey(whole, b.before, b);
+      const double blur = StartBlur(raw, known), noise = NoiseAt(x.noise, x.image, whole.middle);
+      const Surroundings around = Survey(whole, blur, raw.contrast, b.before, b);
       const bool paired = around.partner >= 0;
       if (pass == 0 && paired) continue;
       const Corners corners = FindCorners(x.lens, raw, b.before, whole, b);
       const StripFrame frame = Trimmed(whole, corners);
       Attempt attempt = FirstFit(x, frame, raw, around, known, corners, b);
-      const bool fits = Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, paired);
+      const bool fits =
+          Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, blur, noise, paired);
       if (pass == 1 && !paired && attempt.fit.profiled && (!fits || attempt.fit.coherence > kMaxCoherence)) {
         attempt.fit.ok = fits;
         attempt = WithHiddenEdge(x, frame, raw, known, corners, attempt, b);
       }
       segments[i] = raw;
-      if (!Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, paired)) continue;
+      if (!Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, blur, noise, paired))
+        continue;
       Apply(x.lens, whole, attempt.fit, attempt.fit.edges[attempt.index], segments[i]);
       b.coherence[i] = static_cast<float>(attempt.fit.coherence);
     }

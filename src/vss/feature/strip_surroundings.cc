@@ -12,17 +12,20 @@ using Eigen::Vector2d;
 
 constexpr double kPairPx = 5.5;  // parallel edges nearer than this are fitted together
 
+// Contrasts that may be those of the same two regions.
+bool AreAlike(double a, double b) {
+  constexpr double kMaxContrastRatio = 1.6;
+  return std::max(a, b) <= kMaxContrastRatio * std::min(a, b);
+}
+
 // How segment `n` continues `s` round a corner: +1 to the left (bright inside),
 // -1 to the right, 0 not at all.
 int TurnAtCorner(const LineSegment& s, const LineSegment& n, bool at_end) {
   constexpr double kReachPx = 4;  // raw ends miss their corner by this at most
   constexpr double kMinLengthPx = 6;
-  constexpr double kMaxContrastRatio = 1.6;
   constexpr double kMinSine = 0.35;  // 20 degrees
   const Vector2d &mine = at_end ? s.ideal_end : s.ideal_start, &its = at_end ? n.ideal_start : n.ideal_end;
-  if ((mine - its).squaredNorm() > 2 * kReachPx * kReachPx ||
-      std::max(s.contrast, n.contrast) > kMaxContrastRatio * std::min(s.contrast, n.contrast))
-    return 0;
+  if ((mine - its).squaredNorm() > 2 * kReachPx * kReachPx || !AreAlike(s.contrast, n.contrast)) return 0;
   const Vector2d d = s.ideal_end - s.ideal_start, e = n.ideal_end - n.ideal_start;
   if (e.norm() < kMinLengthPx) return 0;
   const double sine = (d.x() * e.y() - d.y() * e.x()) / (d.norm() * e.norm());
@@ -44,9 +47,28 @@ StripCorner CornerOf(const Intrinsics* lens, const LineSegment& n, bool at_its_s
   return {p, {t.y(), -t.x()}};
 }
 
+// Whether the neighbour from `p` to `q` (in the frame) tells of the same edge as the segment: the same
+// polarity, lying on its line where they are beside each other.
+bool IsSameEdge(const StripFrame& f, double blur_px, const Vector2d& p, const Vector2d& q) {
+  constexpr double kMaxSlope = 0.5;
+  const double slope = (q.y() - p.y()) / (q.x() - p.x());
+  if (!(q.x() > p.x()) || !(std::abs(slope) < kMaxSlope)) return false;
+  for (const double end : {f.from, f.to}) {
+    const double t = p.y() + slope * (std::clamp(end, p.x(), q.x()) - p.x());
+    if (std::abs(t) > SameEdgePx(blur_px)) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
-Surroundings Survey(const StripFrame& f, const std::vector<LineSegment>& segments, RefineBuffers& b) {
+double SameEdgePx(double blur_px) {
+  constexpr double kBlurs = 1.3, kMinPx = 1.0;
+  return std::max(kMinPx, kBlurs * blur_px);
+}
+
+Surroundings Survey(const StripFrame& f, double blur_px, double contrast,
+                    const std::vector<LineSegment>& segments, RefineBuffers& b) {
   constexpr double kParallel = 0.12;   // slope
   constexpr double kMinOverlap = 0.5;  // of the segment's length
   Surroundings out;
@@ -59,6 +81,7 @@ Surroundings Survey(const StripFrame& f, const std::vector<LineSegment>& segment
     if (high < f.from - kNearPx || low > f.to + kNearPx || std::min(p.y(), q.y()) > kNearPx ||
         std::max(p.y(), q.y()) < -kNearPx)
       continue;
+    if (AreAlike(contrast, segments[j].contrast) && IsSameEdge(f, blur_px, p, q)) continue;
     b.neighbours.push_back({p, q});
     const double slope = (q.y() - p.y()) / (q.x() - p.x());
     const double overlap = std::min(high, f.to) - std::max(low, f.from);

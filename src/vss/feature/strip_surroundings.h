@@ -14,8 +14,14 @@ struct Surroundings {
   StripEdge partner_edge{};
 };
 
-// The neighbours of a segment with the frame `f` among b.grid.nearby, into b.neighbours.
-Surroundings Survey(const StripFrame& f, const std::vector<LineSegment>& segments, RefineBuffers& b);
+// How far (px) from an edge of that blur (lens and pixel) lines may lie that tell of nothing else: its maxima
+// wander with the noise, and a second edge of the same polarity so near would not show.
+double SameEdgePx(double blur_px);
+
+// The neighbours of a segment with the frame `f`, its blur and contrast, among b.grid.nearby, into
+// b.neighbours.
+Surroundings Survey(const StripFrame& f, double blur_px, double contrast,
+                    const std::vector<LineSegment>& segments, RefineBuffers& b);
 
 // Corners of two regions at the ends of `s`: lines that it meets with the same
 // levels on both sides.
