@@ -112,7 +112,12 @@ void DetectLines(const GreyView& image, const Intrinsics* lens, const LineOption
   FindSegments(s, out);
   const RefineContext refine{image, lens, s.b.noise, s.b.edges.simd};
   RefinePlaces(refine, out.segments, s.b.refine);
-  RefineEnds(refine, out.segments, s.b.refine);
+  constexpr int kRounds = 2;
+  for (int i = 0; i < kRounds && ExtendEnds(refine, out.segments, s.b.refine); ++i)
+    RefineGrown(refine, out.segments, s.b.refine);
+  std::erase_if(out.segments,
+                [&](const LineSegment& x) { return (x.end - x.start).norm() < options.min_length_px; });
+  JoinEnds(refine, out.segments, s.b.refine);
 }
 
 LineImage DetectLines(const GreyView& image, const Intrinsics* lens, const LineOptions& options,

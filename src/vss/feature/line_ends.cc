@@ -123,25 +123,28 @@ bool Repeats(const LineSegment& s, const LineSegment& o) {
 
 void DropRepeated(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {
   b.grid.Build(x.image, segments);
-  b.sound.assign(segments.size(), 1);
+  b.kept.assign(segments.size(), 1);
   for (std::size_t i = 0; i < segments.size(); ++i) {
     b.grid.FindNearby(segments, i, kNearPx);
     for (const auto j : b.grid.nearby)
-      if (Repeats(segments[i], segments[j])) b.sound[i] = 0;
+      if (Repeats(segments[i], segments[j])) b.kept[i] = 0;
   }
   std::size_t kept = 0;
   for (std::size_t i = 0; i < segments.size(); ++i)
-    if (b.sound[i]) segments[kept++] = segments[i];
-  segments.resize(kept);
+    if (b.kept[i]) b.moved[kept] = b.moved[i], segments[kept++] = segments[i];
+  segments.resize(kept), b.moved.resize(kept);
 }
 
 }  // namespace
 
-void RefineEnds(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {
+bool ExtendEnds(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {
   constexpr double kSureCornerPx = 3;  // ends that miss their corner by no more need no search
+  constexpr double kGrownShare = 0.2;
   b.before = segments;
   b.grid.Build(x.image, b.before);
   for (std::size_t i = 0; i < segments.size(); ++i) {
+    if (!b.moved[i]) continue;
+    b.moved[i] = 0;
     LineSegment& s = segments[i];
     b.grid.FindNearby(b.before, i, kNearPx);
     const Vector2d d = (s.ideal_end - s.ideal_start).normalized();
@@ -155,8 +158,13 @@ void RefineEnds(const RefineContext& x, std::vector<LineSegment>& segments, Refi
     if (beyond[0] + beyond[1] < -0.5 * length) continue;
     SetEnd(x.lens, s, false, s.ideal_start - beyond[0] * d);
     SetEnd(x.lens, s, true, s.ideal_end + beyond[1] * d);
+    b.moved[i] = beyond[0] + beyond[1] > kGrownShare * length;
   }
   DropRepeated(x, segments, b);
+  return std::find(b.moved.begin(), b.moved.end(), 1) != b.moved.end();
+}
+
+void JoinEnds(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {
   b.before = segments;
   b.grid.Build(x.image, b.before);
   for (std::size_t i = 0; i < segments.size(); ++i) {

@@ -28,16 +28,21 @@ struct Gate {
   double min_contrast_share = 0.3, max_contrast_share = 3;
 };
 
+// Whether the model explains the pixels down to their noise: more is texture, in which likelihood may run
+// off.
+bool IsExplained(const StripFit& fit, double noise) {
+  constexpr double kMost = 1.15;
+  return fit.residual_sigma < kMost * noise;
+}
+
 // Whether the fit stays near the raw segment. Where the model explains the pixels down to the noise, an edge
 // may have moved as far as a blurred one's points wander; one close beside another was drawn towards it.
 bool Passes(const StripFit& fit, const StripEdge& edge, const StripFrame& f, double raw_contrast,
             double blur_px, double noise, bool beside) {
   constexpr double kBesidePx = 2;
-  constexpr double kExplained =
-      1.15;  // residuals over noise: more is texture, in which likelihood may run off
   Gate gate;
   if (!fit.ok) return false;
-  const bool explained = fit.residual_sigma < kExplained * noise;
+  const bool explained = IsExplained(fit, noise);
   gate.max_move_px = beside ? kBesidePx : explained ? SameEdgePx(blur_px) : gate.max_move_px;
   if (!explained) gate.max_turn = 1;
   const double middle = 0.5 * (f.from + f.to), a = edge.offset + edge.slope * f.from,
@@ -158,9 +163,9 @@ Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const Li
   return 2 * settings.reach_px * two.fit.num_columns * (before / after - 1) < kMinGain ? single : two;
 }
 
-// The lens's blur from the segments that were fitted: a low quantile, since
+// The lens's blur (and the pixel's) from the segments that were fitted, or 0: a low quantile, since
 // what disturbs an edge makes it wider.
-KnownBlur BlurOf(const RefineContext& x, const std::vector<LineSegment>& segments, RefineBuffers& b) {
+double BlurOf(const RefineContext& x, const std::vector<LineSegment>& segments, RefineBuffers& b) {
   constexpr double kMinContrast = 10;  // of the noise
   constexpr int kMinColumns = 12;
   constexpr float kFitted = 1e8f;
@@ -174,57 +179,70 @@ KnownBlur BlurOf(const RefineContext& x, const std::vector<LineSegment>& segment
         s.contrast > kMinContrast * NoiseAt(x.noise, x.image, 0.5 * (s.start + s.end)))
       sorted.push_back(static_cast<float>(std::hypot(s.blur_px, 0.28867513)));
   }
-  if (sorted.size() < kMinSegments) return {};
+  if (sorted.size() < kMinSegments) return 0;
   const auto at = sorted.begin() + std::ptrdiff_t(kQuantile * double(sorted.size()));
   std::nth_element(sorted.begin(), at, sorted.end());
-  return {*at};
+  return *at;
+}
+
+constexpr float kNotFitted = 1e9f;
+
+enum class Look { kFirst, kLast, kAgain };
+
+// Fits segment `i` at its place in b.before; whether the fit counts. At the first look those with another
+// close beside them wait until the lens's blur is known, which tells the two apart.
+bool RefineOne(const RefineContext& x, std::size_t i, Look look, LineSegment& out, RefineBuffers& b) {
+  const LineSegment& raw = b.before[i];
+  const StripFrame whole = FrameOf(x.lens, raw);
+  const KnownBlur known{b.blur_px};
+  b.grid.FindNearby(b.before, i, kNearPx);
+  const double blur = StartBlur(raw, known), noise = NoiseAt(x.noise, x.image, whole.middle);
+  const Surroundings around = Survey(whole, blur, raw.contrast, b.before, b);
+  const bool paired = around.partner >= 0;
+  if (look == Look::kFirst && paired) return false;
+  const Corners corners = FindCorners(x.lens, raw, b.before, whole, b);
+  const StripFrame frame = Trimmed(whole, corners);
+  Attempt attempt = FirstFit(x, frame, raw, around, known, corners, b);
+  auto passes = [&] {
+    return Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, blur, noise, paired);
+  };
+  const bool fits = passes();
+  if (look == Look::kLast && !paired && attempt.fit.profiled &&
+      (!fits || attempt.fit.coherence > kMaxCoherence)) {
+    attempt.fit.ok = fits;
+    attempt = WithHiddenEdge(x, frame, raw, known, corners, attempt, b);
+  }
+  out = raw;
+  if (!passes() || (look == Look::kAgain && !IsExplained(attempt.fit, noise))) return false;
+  Apply(x.lens, whole, attempt.fit, attempt.fit.edges[attempt.index], out);
+  b.coherence[i] = static_cast<float>(attempt.fit.coherence);
+  return true;
 }
 
 }  // namespace
 
 void RefinePlaces(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {
-  constexpr float kNotFitted = 1e9f;
   b.before = segments;
   b.grid.Build(x.image, b.before);
-  b.sound.assign(segments.size(), 0);
   b.coherence.assign(segments.size(), kNotFitted);
-  KnownBlur known;
-  // Edges with another close beside them are fitted once the lens's blur is
-  // known, which tells the two apart.
-  for (const int pass : {0, 1}) {
-    for (std::size_t i = 0; i < segments.size(); ++i) {
-      if (b.sound[i]) continue;
-      const LineSegment& raw = b.before[i];
-      const StripFrame whole = FrameOf(x.lens, raw);
-      b.grid.FindNearby(b.before, i, kNearPx);
-      const double blur = StartBlur(raw, known), noise = NoiseAt(x.noise, x.image, whole.middle);
-      const Surroundings around = Survey(whole, blur, raw.contrast, b.before, b);
-      const bool paired = around.partner >= 0;
-      if (pass == 0 && paired) continue;
-      const Corners corners = FindCorners(x.lens, raw, b.before, whole, b);
-      const StripFrame frame = Trimmed(whole, corners);
-      Attempt attempt = FirstFit(x, frame, raw, around, known, corners, b);
-      const bool fits =
-          Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, blur, noise, paired);
-      if (pass == 1 && !paired && attempt.fit.profiled && (!fits || attempt.fit.coherence > kMaxCoherence)) {
-        attempt.fit.ok = fits;
-        attempt = WithHiddenEdge(x, frame, raw, known, corners, attempt, b);
-      }
-      segments[i] = raw;
-      if (!Passes(attempt.fit, attempt.fit.edges[attempt.index], whole, raw.contrast, blur, noise, paired))
-        continue;
-      Apply(x.lens, whole, attempt.fit, attempt.fit.edges[attempt.index], segments[i]);
-      b.coherence[i] = static_cast<float>(attempt.fit.coherence);
-    }
-    if (pass == 1) break;
-    known = BlurOf(x, segments, b);
-    constexpr double kUsual = 1.4;  // a blur within this factor of the lens's needs no second look
-    for (std::size_t i = 0; i < segments.size(); ++i) {
-      const double ratio =
-          known.blur_px > 0 ? std::hypot(segments[i].blur_px, 0.28867513) / known.blur_px : 1.0;
-      b.sound[i] = ratio < kUsual && ratio > 1 / kUsual && b.coherence[i] < kMaxCoherence;
-    }
+  b.blur_px = 0;
+  for (std::size_t i = 0; i < segments.size(); ++i) RefineOne(x, i, Look::kFirst, segments[i], b);
+  b.moved.assign(segments.size(), 1);
+  b.blur_px = BlurOf(x, segments, b);
+  constexpr double kUsual = 1.4;  // a blur within this factor of the lens's needs no second look
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    const double ratio = b.blur_px > 0 ? std::hypot(segments[i].blur_px, 0.28867513) / b.blur_px : 1.0;
+    if (!(ratio < kUsual && ratio > 1 / kUsual && b.coherence[i] < kMaxCoherence))
+      RefineOne(x, i, Look::kLast, segments[i], b);
   }
+}
+
+void RefineGrown(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {
+  b.before = segments;
+  b.grid.Build(x.image, b.before);
+  b.coherence.assign(segments.size(), kNotFitted);
+  for (std::size_t i = 0; i < segments.size(); ++i)
+    if (b.moved[i]) b.moved[i] = RefineOne(x, i, Look::kAgain, segments[i], b);
 }
 
 }  // namespace vss
