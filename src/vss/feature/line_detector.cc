@@ -115,9 +115,8 @@ void DetectLines(const GreyView& image, const Intrinsics* lens, const LineOption
   constexpr int kRounds = 2;
   for (int i = 0; i < kRounds && ExtendEnds(refine, out.segments, s.b.refine); ++i)
     RefineGrown(refine, out.segments, s.b.refine);
-  std::erase_if(out.segments,
-                [&](const LineSegment& x) { return (x.end - x.start).norm() < options.min_length_px; });
   JoinEnds(refine, out.segments, s.b.refine);
+  DropShort(options.min_length_px, out.segments, s.b.refine);
 }
 
 LineImage DetectLines(const GreyView& image, const Intrinsics* lens, const LineOptions& options,

@@ -103,22 +103,22 @@ void MarkBorders(const GreyView& image, LineSegment& s) {
   if (!Inside(image, s.end, kBorderPx)) s.end_kind = SegmentEnd::kBorder;
 }
 
-// Whether `s` tells of the same edge as the longer `o`: the same polarity,
-// lying along it.
-bool Repeats(const LineSegment& s, const LineSegment& o) {
-  constexpr double kMinCosine = 0.9, kOvershootPx = 3;
+// Whether `s` tells of the same edge as the longer `o`: the same polarity, lying along it. The ends of one
+// that no fit has put in its place are as good as noise; its middle tells.
+bool Repeats(const LineSegment& s, bool fitted, const LineSegment& o) {
+  constexpr double kMinCosine = 0.9, kMinRawCosine = 0.8, kOvershootPx = 3;
   const Vector2d d = s.ideal_end - s.ideal_start, e = o.ideal_end - o.ideal_start;
-  const double length = e.norm();
-  if (d.squaredNorm() >= e.squaredNorm() || d.dot(e) < kMinCosine * d.norm() * length) return false;
+  const double length = e.norm(), cosine = fitted ? kMinCosine : kMinRawCosine;
+  if (d.squaredNorm() >= e.squaredNorm() || d.dot(e) < cosine * d.norm() * length) return false;
   const double limit = SameEdgePx(std::hypot(o.blur_px, 0.29));
-  for (const Vector2d& p : {s.ideal_start, s.ideal_end}) {
+  auto lies_on = [&](const Vector2d& p) {
     const Vector2d w = p - o.ideal_start;
     const double along = w.dot(e) / length;
-    if (std::abs(w.x() * e.y() - w.y() * e.x()) > limit * length || along < -kOvershootPx ||
-        along > length + kOvershootPx)
-      return false;
-  }
-  return true;
+    return std::abs(w.x() * e.y() - w.y() * e.x()) <= limit * length && along >= -kOvershootPx &&
+           along <= length + kOvershootPx;
+  };
+  return fitted ? lies_on(s.ideal_start) && lies_on(s.ideal_end)
+                : lies_on(0.5 * (s.ideal_start + s.ideal_end));
 }
 
 void DropRepeated(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {
@@ -127,11 +127,11 @@ void DropRepeated(const RefineContext& x, std::vector<LineSegment>& segments, Re
   for (std::size_t i = 0; i < segments.size(); ++i) {
     b.grid.FindNearby(segments, i, kNearPx);
     for (const auto j : b.grid.nearby)
-      if (Repeats(segments[i], segments[j])) b.kept[i] = 0;
+      if (Repeats(segments[i], b.fitted[i] || !b.fitted[j], segments[j])) b.kept[i] = 0;
   }
   std::size_t kept = 0;
   for (std::size_t i = 0; i < segments.size(); ++i)
-    if (b.kept[i]) b.moved[kept] = b.moved[i], segments[kept++] = segments[i];
+    if (b.kept[i]) b.moved[kept] = b.moved[i], b.fitted[kept] = b.fitted[i], segments[kept++] = segments[i];
   segments.resize(kept), b.moved.resize(kept);
 }
 
@@ -179,6 +179,24 @@ void JoinEnds(const RefineContext& x, std::vector<LineSegment>& segments, Refine
     }
     MarkBorders(x.image, s);
   }
+}
+
+void DropShort(double min_length_px, std::vector<LineSegment>& segments, RefineBuffers& b) {
+  b.place.clear();
+  int kept = 0;
+  for (const auto& s : segments) b.place.push_back((s.end - s.start).norm() < min_length_px ? -1 : kept++);
+  auto follow = [&](int& junction, SegmentEnd& kind) {
+    if (junction < 0) return;
+    junction = b.place[std::size_t(junction)];
+    if (junction < 0) kind = SegmentEnd::kFree;
+  };
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    if (b.place[i] < 0) continue;
+    LineSegment& s = segments[std::size_t(b.place[i])] = segments[i];
+    follow(s.start_junction, s.start_kind);
+    follow(s.end_junction, s.end_kind);
+  }
+  segments.resize(std::size_t(kept));
 }
 
 }  // namespace vss

@@ -163,19 +163,20 @@ Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const Li
   return 2 * settings.reach_px * two.fit.num_columns * (before / after - 1) < kMinGain ? single : two;
 }
 
+constexpr float kNotFitted = 1e9f, kFitted = 1e8f;  // coherence of no fit; the most of one
+
 // The lens's blur (and the pixel's) from the segments that were fitted, or 0: a low quantile, since
 // what disturbs an edge makes it wider.
 double BlurOf(const RefineContext& x, const std::vector<LineSegment>& segments, RefineBuffers& b) {
   constexpr double kMinContrast = 10;  // of the noise
   constexpr int kMinColumns = 12;
-  constexpr float kFitted = 1e8f;
   constexpr std::size_t kMinSegments = 4;
   constexpr double kQuantile = 0.35;
   auto& sorted = b.strip.sorted;
   sorted.clear();
   for (std::size_t i = 0; i < segments.size(); ++i) {
     const LineSegment& s = segments[i];
-    if (b.coherence[i] < kFitted && s.num_points >= kMinColumns && s.blur_px > 0.2 &&
+    if (b.coherence[i] <= kFitted && s.num_points >= kMinColumns && s.blur_px > 0.2 &&
         s.contrast > kMinContrast * NoiseAt(x.noise, x.image, 0.5 * (s.start + s.end)))
       sorted.push_back(static_cast<float>(std::hypot(s.blur_px, 0.28867513)));
   }
@@ -184,8 +185,6 @@ double BlurOf(const RefineContext& x, const std::vector<LineSegment>& segments, 
   std::nth_element(sorted.begin(), at, sorted.end());
   return *at;
 }
-
-constexpr float kNotFitted = 1e9f;
 
 enum class Look { kFirst, kLast, kAgain };
 
@@ -215,7 +214,7 @@ bool RefineOne(const RefineContext& x, std::size_t i, Look look, LineSegment& ou
   out = raw;
   if (!passes() || (look == Look::kAgain && !IsExplained(attempt.fit, noise))) return false;
   Apply(x.lens, whole, attempt.fit, attempt.fit.edges[attempt.index], out);
-  b.coherence[i] = static_cast<float>(attempt.fit.coherence);
+  b.coherence[i] = std::min(static_cast<float>(attempt.fit.coherence), kFitted);
   return true;
 }
 
@@ -227,13 +226,14 @@ void RefinePlaces(const RefineContext& x, std::vector<LineSegment>& segments, Re
   b.coherence.assign(segments.size(), kNotFitted);
   b.blur_px = 0;
   for (std::size_t i = 0; i < segments.size(); ++i) RefineOne(x, i, Look::kFirst, segments[i], b);
-  b.moved.assign(segments.size(), 1);
+  b.moved.assign(segments.size(), 1), b.fitted.resize(segments.size());
   b.blur_px = BlurOf(x, segments, b);
   constexpr double kUsual = 1.4;  // a blur within this factor of the lens's needs no second look
   for (std::size_t i = 0; i < segments.size(); ++i) {
     const double ratio = b.blur_px > 0 ? std::hypot(segments[i].blur_px, 0.28867513) / b.blur_px : 1.0;
     if (!(ratio < kUsual && ratio > 1 / kUsual && b.coherence[i] < kMaxCoherence))
       RefineOne(x, i, Look::kLast, segments[i], b);
+    b.fitted[i] = b.coherence[i] < kNotFitted;
   }
 }
 
@@ -242,7 +242,7 @@ void RefineGrown(const RefineContext& x, std::vector<LineSegment>& segments, Ref
   b.grid.Build(x.image, b.before);
   b.coherence.assign(segments.size(), kNotFitted);
   for (std::size_t i = 0; i < segments.size(); ++i)
-    if (b.moved[i]) b.moved[i] = RefineOne(x, i, Look::kAgain, segments[i], b);
+    if (b.moved[i] && (b.moved[i] = RefineOne(x, i, Look::kAgain, segments[i], b))) b.fitted[i] = 1;
 }
 
 }  // namespace vss

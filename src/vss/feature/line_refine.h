@@ -23,7 +23,9 @@ struct RefineBuffers {
   SegmentGrid grid;
   double blur_px = 0;            // of lens and pixel, as most segments have it; 0: not known
   std::vector<char> moved;       // since the ends were looked for; or its ends since it was fitted
+  std::vector<char> fitted;      // stands where a fit has put it
   std::vector<char> kept;
+  std::vector<int> place;
   std::vector<float> coherence;  // of the fit's residuals
 };
 
@@ -41,5 +43,8 @@ void RefineGrown(const RefineContext& context, std::vector<LineSegment>& segment
 
 // Puts each end to the crossing with the line that it meets there, if there is one.
 void JoinEnds(const RefineContext& context, std::vector<LineSegment>& segments, RefineBuffers& buffers);
+
+// Drops segments shorter than that; the junctions of the others follow.
+void DropShort(double min_length_px, std::vector<LineSegment>& segments, RefineBuffers& buffers);
 
 }  // namespace vss
