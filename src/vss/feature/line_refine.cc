@@ -93,7 +93,7 @@ double StartBlur(const LineSegment& s, const KnownBlur& known) {
 StripSettings SettingsFor(const RefineContext& x, const StripFrame& frame, const LineSegment& s,
                           const KnownBlur& known, const Corners& corners) {
   StripSettings settings;
-  settings.reach_px = kStripReachPx, settings.margin_px = kStripMarginPx;
+  settings.reach_px = kStripReachPx, settings.wide_px = kStripWidePx, settings.margin_px = kStripMarginPx;
   settings.noise_sigma = NoiseAt(x.noise, x.image, frame.middle);
   settings.start_blur_px = StartBlur(s, known);
   settings.blur_sigma_px = kBlurSpread * known.blur_px;

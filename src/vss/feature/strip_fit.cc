@@ -14,6 +14,7 @@ using Eigen::Vector2d;
 
 constexpr int kMinColumns = 4;
 constexpr int kIterations = 4;
+constexpr double kRoundingVariance = 1.0 / 12;  // grey levels squared
 constexpr double kMinBlurPx = 0.3, kMaxBlurPx = 5;
 
 struct Fitted {
@@ -22,6 +23,13 @@ struct Fitted {
   double residual2 = 0, weight = 0;
   int parameters = 0;
 };
+
+// Residuals so much above the noise: levels that are not constant.
+constexpr double kUnevenShare = 1.15;
+
+double ResidualSigma(const Fitted& f) {
+  return std::sqrt(f.residual2 / std::max(1.0, f.weight - f.parameters));
+}
 
 // What is known of the blur before the fit, in units of the residuals' squares.
 struct BlurPrior {
@@ -47,9 +55,54 @@ bool Solve(const StripSums<P>& s, bool levels_only, int places, Eigen::Matrix<do
   return step.allFinite();
 }
 
+// What the wings add: there the model is a level, with all edges or none of them.
 template <int kEdges, bool kLinear>
-bool Iterate(const StripSamples& samples, const BlurPrior& prior, Simd simd, int iterations,
-             bool levels_first, Fitted& f) {
+void AddWings(const StripWing (&wings)[2], const StripModel& m,
+              StripSums<NumStripParameters<kEdges, kLinear>()>& out) {
+  for (const bool bright : {false, true}) {
+    const StripWing& w = wings[bright];
+    if (!(w.n > 0)) continue;
+    double level = m.level[0], slope = kLinear ? m.level[1] : 0;
+    int constant[kEdges + 1] = {2 * kEdges}, linear[kEdges + 1] = {3 * kEdges + 1}, terms = 1;
+    for (int e = 0; bright && e < kEdges; ++e, ++terms) {
+      level += m.contrast[e], slope += kLinear ? m.contrast_slope[e] : 0;
+      constant[terms] = 2 * kEdges + 1 + e, linear[terms] = 3 * kEdges + 2 + e;
+    }
+    const double r = w.grey - level * w.n - slope * w.along,
+                 ra = w.grey_along - level * w.along - slope * w.along2;
+    for (int i = 0; i < terms; ++i) {
+      out.g[constant[i]] += r;
+      if (kLinear) out.g[linear[i]] += ra;
+      for (int j = 0; j < terms; ++j) {
+        out.h[constant[i]][constant[j]] += w.n;
+        if (!kLinear) continue;
+        out.h[linear[i]][linear[j]] += w.along2;
+        out.h[constant[i]][linear[j]] += w.along, out.h[linear[j]][constant[i]] += w.along;
+      }
+    }
+  }
+}
+
+// Makes the wings count `along` in half lengths. One that is not as quiet as noise (another edge, texture,
+// shade) or is saturated has nothing to tell, nor has one that is quieter than rounding alone: all its pixels
+// were rounded the same way.
+void PrepareWings(double half, double noise, StripWing (&wings)[2]) {
+  constexpr double kMinPixels = 20;
+  for (StripWing& w : wings) {
+    w.along /= half, w.grey_along /= half, w.along2 /= half * half;
+    const double mean_a = w.along / std::max(1.0, w.n), mean_y = w.grey / std::max(1.0, w.n),
+                 aa = w.along2 - w.n * mean_a * mean_a, ay = w.grey_along - w.n * mean_a * mean_y,
+                 yy = w.grey2 - w.n * mean_y * mean_y, left = yy - (aa > 0 ? ay * ay / aa : 0);
+    const double variance = left / std::max(1.0, w.n - 2);
+    if (w.n < kMinPixels || w.saturated || variance > std::pow(kUnevenShare * noise, 2) ||
+        variance < kRoundingVariance)
+      w = {};
+  }
+}
+
+template <int kEdges, bool kLinear>
+bool Iterate(const StripSamples& samples, const StripWing (&wings)[2], const BlurPrior& prior, Simd simd,
+             int iterations, bool levels_first, Fitted& f) {
   constexpr int P = NumStripParameters<kEdges, kLinear>();
   StripSums<P> sums;
   Eigen::Matrix<double, P, 1> step;
@@ -62,6 +115,7 @@ bool Iterate(const StripSamples& samples, const BlurPrior& prior, Simd simd, int
   for (int i = 0;; ++i) {
     if (i + 1 >= iterations) stride = 1;
     AccumulateStrip<kEdges, kLinear>(samples, f.model, stride, simd, sums);
+    AddWings<kEdges, kLinear>(wings, f.model, sums);
     sums.h[P - 1][P - 1] += prior.weight;
     sums.g[P - 1] += prior.weight * (prior.blur - f.model.blur);
     if (!Solve<P>(sums, levels_first && i == 0, 2 * kEdges, step, information)) return false;
@@ -96,7 +150,8 @@ bool Iterate(const StripSamples& samples, const BlurPrior& prior, Simd simd, int
   return f.covariance.allFinite();
 }
 
-using IterateFunction = bool (*)(const StripSamples&, const BlurPrior&, Simd, int, bool, Fitted&);
+using IterateFunction = bool (*)(const StripSamples&, const StripWing (&)[2], const BlurPrior&, Simd, int,
+                                 bool, Fitted&);
 
 IterateFunction IterateFor(int edges, bool linear) {
   if (edges == 1) return linear ? IterateFunction(Iterate<1, true>) : IterateFunction(Iterate<1, false>);
@@ -260,18 +315,24 @@ StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<cons
   BlurPrior prior;
   if (settings.blur_sigma_px > 0)
     prior = {settings.start_blur_px, std::pow(settings.noise_sigma / settings.blur_sigma_px, 2)};
-  if (!iterate(samples, prior, simd, kIterations + (edges > 1 ? 2 : 0), edges > 1, f)) return out;
+  PrepareWings(half, settings.noise_sigma, b.wing);
+  const int iterations = kIterations + (edges > 1 ? 2 : 0);
+  if (!iterate(samples, b.wing, prior, simd, iterations, edges > 1, f)) return out;
+  // Where levels that hold far from the edge do not explain the strip, it goes without them.
+  if (b.wing[0].n + b.wing[1].n > 0 && ResidualSigma(f) > kUnevenShare * settings.noise_sigma) {
+    b.wing[0] = b.wing[1] = {};
+    if (!iterate(samples, b.wing, prior, simd, iterations, false, f)) return out;
+  }
   PlaceColumns(b);
   FillProfile(f.model, window.low, b);
   out.profiled = true;
-  const double pixel_sigma =
-      std::max(settings.noise_sigma, std::sqrt(f.residual2 / std::max(1.0, f.weight - f.parameters)));
+  const double pixel_sigma = std::max(settings.noise_sigma, ResidualSigma(f));
   const double column_sigma = pixel_sigma * std::sqrt(2 * std::sqrt(M_PI) * f.model.blur) /
                               std::max(1e-6, double{std::abs(f.model.contrast[0])});
   const int kept = DropOutliers(b, column_sigma);
   if (kept < std::max(kMinColumns, columns / 2)) return out;
   if (kept < columns) {
-    if (!iterate(samples, prior, simd, 1, false, f)) return out;
+    if (!iterate(samples, b.wing, prior, simd, 1, false, f)) return out;
     PlaceColumns(b);
     FillProfile(f.model, window.low, b);
   }
@@ -281,8 +342,9 @@ StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<cons
   for (std::size_t c = 0; c < b.column_place.size(); ++c)
     if (b.weight[b.column_start[c]] != 0) rms2 += double{b.column_place[c]} * b.column_place[c];
   out.rms_px = std::sqrt(rms2 / kept);
-  out.residual_sigma = std::sqrt(f.residual2 / std::max(1.0, f.weight - f.parameters));
-  const double variance = std::max(out.residual_sigma * out.residual_sigma, 1.0 / 12) * Correlation(b);
+  out.residual_sigma = ResidualSigma(f);
+  const double variance =
+      std::max(out.residual_sigma * out.residual_sigma, kRoundingVariance) * Correlation(b);
   for (int e = 0; e < edges; ++e) {
     out.edges[e].offset = f.model.offset[e], out.edges[e].slope = f.model.slope[e] / half,
     out.edges[e].contrast = f.model.contrast[e];

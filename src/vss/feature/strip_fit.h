@@ -95,6 +95,13 @@ struct StripObstacle {
   double first, last;  // of a, where it matters
 };
 
+// Sums over the pixels beyond the strip on one side, where the edge's profile is flat: all that they tell is
+// the level. `along` counts in px, in half lengths once they are prepared.
+struct StripWing {
+  double n = 0, along = 0, along2 = 0, grey = 0, grey_along = 0, grey2 = 0;
+  bool saturated = false;
+};
+
 struct StripBuffers {
   static constexpr std::size_t kSpare = 64;  // floats beyond the last pixel that may be written
 
@@ -103,6 +110,7 @@ struct StripBuffers {
   std::vector<std::uint32_t> column_start;
   std::vector<float> column_place, column_along, sorted;
   std::vector<StripObstacle> obstacles;
+  StripWing wing[2];     // of the darker side (t < 0), and of the other
   StripProfile profile;  // of the last fit
 
   void Grow(std::size_t size) {
@@ -112,6 +120,7 @@ struct StripBuffers {
 
 struct StripSettings {
   double reach_px = 4;       // how far pixels are taken on either side
+  double wide_px = 4;        // how far those that only tell levels
   double margin_px = 2.5;    // distance to neighbours, and from the ends
   double noise_sigma = 1;    // grey levels
   double start_blur_px = 1;  // lens and pixel

@@ -66,9 +66,39 @@ StripGeometry GeometryOf(const StripFrame& f) {
           f.across[major], f.across[minor], f.middle[major], f.middle[minor]};
 }
 
+// The pixels of a column from `begin` to `end`, `at` being the first of the picture's.
+template <class Pixel>
+void AddToWing(const std::uint8_t* column, std::ptrdiff_t stride, int begin, int end, double along,
+               double drift, double saturated, StripWing& wing) {
+  if (end < begin) return;
+  double n = 0, sum_a = 0, sum_a2 = 0, sum_y = 0, sum_ya = 0, sum_y2 = 0, most = 0;
+  for (int i = begin; i <= end; ++i) {
+    const double a = along + drift * i, y = *reinterpret_cast<const Pixel*>(column + i * stride);
+    n += 1, sum_a += a, sum_a2 += a * a, sum_y += y, sum_ya += y * a, sum_y2 += y * y,
+        most = std::max(most, y);
+  }
+  wing.n += n, wing.along += sum_a, wing.along2 += sum_a2;
+  wing.grey += sum_y, wing.grey_along += sum_ya, wing.grey2 += sum_y2;
+  wing.saturated = wing.saturated || most >= saturated;
+}
+
+// Where a corner's line is far enough behind that nothing of it shows: the part of the pixels `begin` to
+// `end` of a column along which the depth (px) is `depth` + `rate` i.
+void ClipAtCorner(double depth, double rate, double blur_px, int& begin, int& end) {
+  constexpr double kFarBlurs = 3.5;
+  const double at = (kFarBlurs * blur_px - depth) / rate;
+  if (std::abs(rate) < 1e-6) {
+    if (depth < kFarBlurs * blur_px) end = begin - 1;
+  } else if (rate > 0) {
+    begin = std::max(begin, static_cast<int>(std::ceil(std::min(at, 1e6))));
+  } else {
+    end = std::min(end, static_cast<int>(std::floor(std::max(at, -1e6))));
+  }
+}
+
 template <class Pixel>
 void TakeColumn(const GreyView& image, const StripFrame& f, const StripGeometry& g, int major,
-                const StripSettings& settings, double side_px, StripWindow window, StripBuffers& b,
+                const StripSettings& settings, double side_px, StripWindow core, StripBuffers& b,
                 std::size_t& count) {
   // On the column (a row for steep edges) t runs linearly with the pixel;
   // `rate`: of t, `drift`: of a.
@@ -83,10 +113,13 @@ void TakeColumn(const GreyView& image, const StripFrame& f, const StripGeometry&
   if (g.bent) sag = f.Sag(a0), slope = f.SagSlope(a0);
   const double t0 = g.across_major * d_major + g.across_minor * d_minor - sag;
   const double rate = g.across_minor - slope * g.along_minor, drift = g.along_minor;
+  const double beyond = settings.wide_px - settings.reach_px;
+  StripWindow window = {core.low - beyond, core.high + beyond};
   for (const auto& o : b.obstacles)
     if (a >= o.first && a <= o.last) Clip(a, o, settings.margin_px, window);
-  if (window.high < side_px || window.low > -side_px) return;
-  double first = (window.low - t0) / rate, last = (window.high - t0) / rate;
+  core = {std::max(core.low, window.low), std::min(core.high, window.high)};
+  if (core.high < side_px || core.low > -side_px) return;
+  double first = (core.low - t0) / rate, last = (core.high - t0) / rate;
   if (first > last) std::swap(first, last);
   const int size = g.steep ? image.width : image.height;
   const int begin = std::max(centre + static_cast<int>(std::ceil(first)), 0),
@@ -106,6 +139,26 @@ void TakeColumn(const GreyView& image, const StripFrame& f, const StripGeometry&
     across[i] = across0 + across1 * static_cast<float>(i);
     grey[i] = static_cast<float>(*reinterpret_cast<const Pixel*>(at));
   }
+  if (beyond > 0) {
+    const std::uint8_t* column =
+        base + (g.steep ? major * image.stride_bytes : major * std::ptrdiff_t(sizeof(Pixel)));
+    double far_first = (window.low - t0) / rate, far_last = (window.high - t0) / rate;
+    if (far_first > far_last) std::swap(far_first, far_last);
+    const int range[2][2] = {{std::max(centre + static_cast<int>(std::ceil(far_first)), 0), begin - 1},
+                             {end + 1, std::min(centre + static_cast<int>(std::floor(far_last)), size - 1)}};
+    for (const int side : {0, 1}) {
+      int from = range[side][0], to = range[side][1];
+      for (const auto& c : settings.corners) {
+        const Vector2d inward = settings.dark_corners ? Vector2d(-c.bright) : c.bright;
+        const double by_major = inward[g.steep ? 1 : 0], by_minor = inward[g.steep ? 0 : 1],
+                     depth =
+                         by_major * (major - c.point[g.steep ? 1 : 0]) - by_minor * c.point[g.steep ? 0 : 1];
+        ClipAtCorner(depth, by_minor, settings.start_blur_px, from, to);
+      }
+      AddToWing<Pixel>(column, stride, from, to, a0 - drift * centre, drift, image.MaxValue(),
+                       b.wing[(side == 0) == (rate > 0) ? 0 : 1]);
+    }
+  }
   count += n;
   b.column_start.push_back(static_cast<std::uint32_t>(count));
   b.column_along.push_back(static_cast<float>(a));
@@ -117,6 +170,7 @@ std::size_t TakePixels(const GreyView& image, const StripFrame& f, std::span<con
                        const StripSettings& settings, double side_px, StripWindow window, StripBuffers& b) {
   b.column_along.clear(), b.obstacles.clear();
   b.column_start.assign(1, 0);
+  b.wing[0] = b.wing[1] = {};
   for (const auto& n : neighbours) b.obstacles.push_back(ObstacleOf(n, settings.margin_px));
   const StripGeometry g = GeometryOf(f);
   const int major = g.steep ? 1 : 0;

@@ -6,8 +6,9 @@ namespace vss {
 
 inline constexpr double kStripReachPx = 5;  // of the strip on either side
 inline constexpr double kStripMarginPx =
-    2.5;  // an edge of usual blur has reached its levels at this distance
-inline constexpr double kNearPx = kStripReachPx + kStripMarginPx + 2;
+    2.5;                                    // an edge of usual blur has reached its levels at this distance
+inline constexpr double kStripWidePx = 10;  // how far pixels tell the levels
+inline constexpr double kNearPx = kStripWidePx + kStripMarginPx + 2;
 
 struct Surroundings {
   int partner = -1;  // a parallel edge so near that both are fitted together
