@@ -285,6 +285,22 @@ StripSamples Prepare(const GreyView& image, const StripFrame& f, const StripSett
   return in;
 }
 
+// By how much (blurs) the half contrast lies farther in where the contrast is half as large again as what
+// saturation lets through: Phi(-0.43) is a third.
+constexpr double kHiddenShift = 0.43;
+
+// Whether most pixels of the bright side are saturated: how bright it is shows in the edge's lower part
+// alone.
+bool IsOverexposed(const StripSamples& in, const StripModel& m) {
+  constexpr double kShare = 0.5;
+  int bright = 0, saturated = 0;
+  for (std::size_t i = 0; i < in.count; ++i) {
+    if (in.across[i] - m.offset[0] - m.slope[0] * in.along[i] < 2 * m.blur || in.weight[i] == 0) continue;
+    ++bright, saturated += in.grey[i] >= in.saturated;
+  }
+  return saturated > kShare * bright;
+}
+
 }  // namespace
 
 double StripProfile::Coherence() const {
@@ -323,6 +339,7 @@ StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<cons
     b.wing[0] = b.wing[1] = {};
     if (!iterate(samples, b.wing, prior, simd, iterations, false, f)) return out;
   }
+  out.overexposed = edges == 1 && IsOverexposed(samples, f.model);
   PlaceColumns(b);
   FillProfile(f.model, window.low, b);
   out.profiled = true;
@@ -351,6 +368,7 @@ StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<cons
     out.edges[e].covariance = variance * f.covariance.block<2, 2>(2 * e, 2 * e);
     out.edges[e].covariance.row(1) /= half;
     out.edges[e].covariance.col(1) /= half;
+    if (out.overexposed) out.edges[e].covariance(0, 0) += std::pow(kHiddenShift * f.model.blur, 2);
   }
   out.blur_px = f.model.blur;
   out.num_columns = kept;

@@ -60,6 +60,8 @@ struct StripEdge {
 struct StripFit {
   bool ok = false;
   bool profiled = false;  // the buffers' profile is this fit's
+  bool overexposed =
+      false;  // the bright side is saturated; its level is not known to a fit that does not know the blur
   StripEdge edges[2];
   double blur_px = 0;         // lens and pixel: s of the model
   double residual_sigma = 0;  // grey levels
