@@ -24,6 +24,7 @@ using Matrix5d = Eigen::Matrix<double, 5, 5>;
 
 constexpr double kReachPx = 6;     // of the strip on either side, where no other edge lies
 constexpr double kMarginPx = 2.5;  // an edge of usual blur has reached its levels at this distance
+constexpr double kMaxScale = 2;    // px (ideal) of one as taken: a lens that stretches more has no use there
 constexpr double kPixelVariance = 1.0 / 12;
 
 // What the sectors of the strip about the contour leave between other edges; t towards the bright side.
@@ -240,29 +241,47 @@ class ArcFit {
   // The strip's pixels at the ellipse as it stands.
   void TakePixels() {
     constexpr double kFlatBlurs = 4;  // farther from the contour the edge's profile is flat
-    const double sloped = kFlatBlurs * std::max(blur_, double{model_.blur});
+    const auto sloped = static_cast<float>(kFlatBlurs * std::max(blur_, double{model_.blur}));
+    const Ellipse& e = curve_.ellipse;
+    const ArcShape shape{static_cast<float>(curve_.cs), static_cast<float>(curve_.sn),
+                         static_cast<float>(e.axes.x()), static_cast<float>(e.axes.y())};
     b_.Clear();
-    const double size = 1 / curve_.ellipse.axes.x();
+    ArcPlaces places;
+    alignas(64) float du[kStripLanes] = {}, dv[kStripLanes] = {};
     ForRing([&](int v, int first, int last) {
-      for (int u = first; u <= last; ++u) {
-        const Vector2d ideal = Ideal(u, v);
-        if (!(ideal.x() < 1e9)) continue;  // no direction has this pixel
-        const auto place = curve_.At(ideal, sloped);
-        const double scale = Scale(u, v, ideal, place.normal), t = sign_ * place.distance * scale;
-        if (!(std::abs(t) <= kReachPx) || !range_.Has(place.around)) continue;
-        const int sector = SectorOf(place.around);
-        if (dropped_[sector] || t < window_[sector].low || t > window_[sector].high) continue;
-        const std::size_t n = b_.Add();
-        b_.sector[n] = static_cast<std::uint8_t>(sector);
-        b_.t[n] = static_cast<float>(t);
-        for (int i = 0; i < 5; ++i) b_.by[i][n] = static_cast<float>(sign_ * scale * place.by_ellipse[i]);
-        b_.bend[n] = static_cast<float>(0.5 * sign_ * place.curvature / scale);
-        b_.u[n] = static_cast<float>((ideal.x() - curve_.ellipse.center.x()) * size);
-        b_.v[n] = static_cast<float>((ideal.y() - curve_.ellipse.center.y()) * size);
-        b_.grey[n] = static_cast<float>(s_.image.At(u, v));
+      for (int u = first; u <= last; u += kStripLanes) {
+        const int lanes = std::min(kStripLanes, last - u + 1);
+        for (int i = 0; i < lanes; ++i) {
+          const Vector2d d = Ideal(u + i, v) - e.center;
+          du[i] = static_cast<float>(d.x()), dv[i] = static_cast<float>(d.y());
+        }
+        PlaceOnArc(du, dv, shape, sloped, s_.b.edges.simd, places);
+        for (int i = 0; i < lanes; ++i) TakePixel(u + i, v, du[i], dv[i], i, places);
       }
     });
     b_.Pad();
+  }
+
+  // Lane i of `places`, (du, dv) from the centre: takes part where it lies in its sector's window.
+  void TakePixel(int u, int v, float du, float dv, int i, const ArcPlaces& places) {
+    float scale = static_cast<float>(sign_);
+    if (!(std::abs(places.distance[i]) <= kMaxScale * kReachPx) || !range_.Has(places.around[i])) return;
+    if (s_.lens) {
+      const Vector2d ideal = curve_.ellipse.center + Vector2d(du, dv);
+      scale *= static_cast<float>(Scale(u, v, ideal, {places.normal_u[i], places.normal_v[i]}));
+    }
+    const float t = scale * places.distance[i];
+    const int sector = SectorOf(places.around[i]);
+    if (!(std::abs(t) <= kReachPx) || dropped_[sector] || t < window_[sector].low || t > window_[sector].high)
+      return;
+    const auto size = static_cast<float>(1 / curve_.ellipse.axes.x());
+    const std::size_t n = b_.Add();
+    b_.sector[n] = static_cast<std::uint8_t>(sector);
+    b_.t[n] = t;
+    for (int k = 0; k < 5; ++k) b_.by[k][n] = scale * places.by[k][i];
+    b_.bend[n] = 0.5f * places.curvature[i] / scale;
+    b_.u[n] = du * size, b_.v[n] = dv * size;
+    b_.grey[n] = static_cast<float>(s_.image.At(u, v));
   }
 
   void StartModel() {

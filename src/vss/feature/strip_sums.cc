@@ -42,6 +42,15 @@ using Ints = std::int32_t __attribute__((vector_size(kStripLanes * sizeof(float)
     PHI = X < 0.0f ? tail_ : 1.0f - tail_;                                                       \
   }
 
+// OUT = 1 / sqrt(X), X > 0: a first guess from the bits and Newton's steps, to 2e-7 relative.
+#define VSS_INVERSE_ROOT(OUT, X)                                              \
+  Floats OUT;                                                                 \
+  {                                                                           \
+    const Ints bits_ = 0x5f375a86 - ((Ints)(X) >> 1);                         \
+    OUT = (Floats)bits_;                                                      \
+    for (int i_ = 0; i_ < 3; ++i_) OUT = OUT * (1.5f - 0.5f * (X)*OUT * OUT); \
+  }
+
 enum class Level { kPortable, kAvx2, kAvx512 };
 
 Level LevelOf([[maybe_unused]] Simd simd) {
@@ -86,6 +95,17 @@ void MultiplyCorner(const StripSamples& in, float at, float by_along, float by_a
     avx2::Multiply(in, at, by_along, by_across);
   else
     portable::Multiply(in, at, by_along, by_across);
+}
+
+void PlaceOnArc(const float* u, const float* v, const ArcShape& shape, float reach, Simd simd,
+                ArcPlaces& out) {
+  const Level level = LevelOf(simd);
+  if (level == Level::kAvx512)
+    avx512::Place(u, v, shape, reach, out);
+  else if (level == Level::kAvx2)
+    avx2::Place(u, v, shape, reach, out);
+  else
+    portable::Place(u, v, shape, reach, out);
 }
 
 template <int kEdges, bool kLinear>

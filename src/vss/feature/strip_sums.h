@@ -48,6 +48,22 @@ template <int kEdges, bool kLinear>
 void AccumulateStrip(const StripSamples& in, const StripModel& model, int stride, Simd simd,
                      StripSums<NumStripParameters<kEdges, kLinear>()>& out);
 
+// How kStripLanes places lie to an ellipse: see ArcCurve::Place.
+struct ArcPlaces {
+  alignas(64) float distance[kStripLanes], around[kStripLanes], normal_u[kStripLanes], normal_v[kStripLanes],
+      curvature[kStripLanes], by[5][kStripLanes];
+};
+
+// An ellipse for them.
+struct ArcShape {
+  float cs, sn, a, b;  // of its angle; semi-axes
+};
+
+// `u`, `v`: kStripLanes places from the ellipse's centre. Curvature and derivatives farther than `reach` from
+// the contour are left out (zero).
+void PlaceOnArc(const float* u, const float* v, const ArcShape& shape, float reach, Simd simd,
+                ArcPlaces& out);
+
 // The pixels about an arc: t across the contour towards the bright side (px), its derivatives by the
 // ellipse's five parameters, half the contour's curvature (positive: the bright side lies outside), the place
 // in the picture over the longer axis.
