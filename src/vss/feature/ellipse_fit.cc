@@ -76,9 +76,14 @@ std::optional<Ellipse> EllipseOf(const Conic& k, const Vector2d& centre, double 
   return e;
 }
 
+struct Turned {  // an ellipse and the direction of its first axis
+  const Ellipse& e;
+  double cs = std::cos(e.angle_rad), sn = std::sin(e.angle_rad);
+};
+
 // Sampson distance and its derivatives by centre u, v, axes, angle.
-double DistanceAndJacobian(const Ellipse& e, const Vector2d& p, Vector5d* jacobian) {
-  const double cs = std::cos(e.angle_rad), sn = std::sin(e.angle_rad);
+double DistanceAndJacobian(const Turned& turned, const Vector2d& p, Vector5d* jacobian) {
+  const auto& [e, cs, sn] = turned;
   const Vector2d d = p - e.center;
   const double x = cs * d.x() + sn * d.y(), y = -sn * d.x() + cs * d.y();
   const double a2 = e.axes.x() * e.axes.x(), b2 = e.axes.y() * e.axes.y();
@@ -97,9 +102,10 @@ double DistanceAndJacobian(const Ellipse& e, const Vector2d& p, Vector5d* jacobi
 bool Step(std::span<const Vector2d> points, Ellipse& e) {
   Matrix5d h = Matrix5d::Zero();
   Vector5d b = Vector5d::Zero();
+  const Turned turned{e};
   for (const auto& p : points) {
     Vector5d j = Vector5d::Zero();
-    const double r = DistanceAndJacobian(e, p, &j);
+    const double r = DistanceAndJacobian(turned, p, &j);
     h += j * j.transpose();
     b += j * r;
   }
@@ -115,9 +121,10 @@ bool Step(std::span<const Vector2d> points, Ellipse& e) {
 EllipseFit Judge(std::span<const Vector2d> points, const Ellipse& e) {
   EllipseFit fit{e};
   double sum = 0;
+  const Turned turned{e};
   for (const auto& p : points) {
     Vector5d j = Vector5d::Zero();
-    const double r = DistanceAndJacobian(e, p, &j);
+    const double r = DistanceAndJacobian(turned, p, &j);
     fit.information += j * j.transpose();
     sum += r * r;
     fit.max_px = std::max(fit.max_px, std::abs(r));
@@ -141,7 +148,7 @@ double Ellipse::ParameterOf(const Vector2d& p) const {
 }
 
 double Ellipse::Distance(const Vector2d& p, Vector5d* by_ellipse) const {
-  return DistanceAndJacobian(*this, p, by_ellipse);
+  return DistanceAndJacobian({*this}, p, by_ellipse);
 }
 
 std::optional<EllipseFit> FitEllipse(std::span<const Vector2d> points, double hopeless_px) {

@@ -173,9 +173,9 @@ class ArcFit {
     return std::min(most, 50.0);
   }
 
-  // Where row v crosses the ellipse.
-  static std::optional<Vector2d> Row(const Ellipse& e, int v) {
-    const double cs = std::cos(e.angle_rad), sn = std::sin(e.angle_rad), ia = 1 / (e.axes.x() * e.axes.x()),
+  // Where row v crosses the ellipse, which is turned like the contour.
+  std::optional<Vector2d> Row(const Ellipse& e, int v) const {
+    const double cs = curve_.cs, sn = curve_.sn, ia = 1 / (e.axes.x() * e.axes.x()),
                  ib = 1 / (e.axes.y() * e.axes.y());
     const double y = v - e.center.y();
     const double qa = cs * cs * ia + sn * sn * ib, qb = cs * sn * (ia - ib) * y,
