@@ -71,15 +71,19 @@ template <class Pixel>
 void AddToWing(const std::uint8_t* column, std::ptrdiff_t stride, int begin, int end, double along,
                double drift, double saturated, StripWing& wing) {
   if (end < begin) return;
-  double n = 0, sum_a = 0, sum_a2 = 0, sum_y = 0, sum_ya = 0, sum_y2 = 0, most = 0;
-  for (int i = begin; i <= end; ++i) {
-    const double a = along + drift * i, y = *reinterpret_cast<const Pixel*>(column + i * stride);
-    n += 1, sum_a += a, sum_a2 += a * a, sum_y += y, sum_ya += y * a, sum_y2 += y * y,
-        most = std::max(most, y);
+  std::int64_t grey = 0, grey_by_place = 0, grey2 = 0, most = 0;
+  const std::uint8_t* at = column + begin * stride;
+  for (std::int64_t i = 0; i <= end - begin; ++i, at += stride) {
+    const std::int64_t y = *reinterpret_cast<const Pixel*>(at);
+    grey += y, grey_by_place += i * y, grey2 += y * y, most = std::max(most, y);
   }
-  wing.n += n, wing.along += sum_a, wing.along2 += sum_a2;
-  wing.grey += sum_y, wing.grey_along += sum_ya, wing.grey2 += sum_y2;
-  wing.saturated = wing.saturated || most >= saturated;
+  const double n = end - begin + 1, first = along + drift * begin, places = n * (n - 1) / 2,
+               places2 = places * (2 * n - 1) / 3;
+  wing.n += n, wing.along += n * first + drift * places;
+  wing.along2 += n * first * first + 2 * first * drift * places + drift * drift * places2;
+  wing.grey += double(grey), wing.grey2 += double(grey2);
+  wing.grey_along += first * double(grey) + drift * double(grey_by_place);
+  wing.saturated = wing.saturated || double(most) >= saturated;
 }
 
 // Where a corner's line is far enough behind that nothing of it shows: the part of the pixels `begin` to
