@@ -45,11 +45,12 @@ struct FoundArc {
   std::uint32_t begin, end;  // of the chains' order
 };
 
-std::optional<FoundArc> FitArc(const Scene& s, const PieceRun& run) {
-  constexpr std::uint32_t kMinPoints = 16;
+constexpr std::uint32_t kMinPoints = 16;
+
+// The points [begin, end) of the chains' order.
+std::optional<FoundArc> FitArc(const Scene& s, std::uint32_t begin, std::uint32_t end) {
   constexpr double kMaxRmsPx = 0.35;
   constexpr double kMinAxisRatio = 0.08;
-  const std::uint32_t begin = s.b.pieces[run.begin].begin, end = s.b.pieces[run.end - 1].end;
   if (end - begin < kMinPoints) return std::nullopt;
   double tolerance = 0, strength = 0;
   for (auto i = begin; i < end; ++i) tolerance += s.b.tolerance[i], strength += s.PointAt(i).strength;
@@ -86,7 +87,7 @@ std::optional<FoundArc> FitArcTrimmed(const Scene& s, PieceRun& run) {
                             {run.begin, run.end - 2}};
   for (const PieceRun& t : tries) {
     if (t.end < t.begin + 3) continue;
-    if (auto arc = FitArc(s, t)) {
+    if (auto arc = FitArc(s, s.b.pieces[t.begin].begin, s.b.pieces[t.end - 1].end)) {
       run = t;
       return arc;
     }
@@ -141,10 +142,47 @@ void AppendArc(const Scene& s, const FoundArc& found, LineImage& out) {
   out.arcs.push_back(arc);
 }
 
+// Whether the contour turns to one side over the points [begin, end), and by more than a corner of a plate.
+bool Turns(const Scene& s, std::uint32_t begin, std::uint32_t end) {
+  constexpr std::uint32_t kStep = 4;
+  constexpr double kMinTotalRad = 1.2, kMinShare = 0.9;  // of the turning, to one side
+  double total = 0, both = 0;
+  for (auto i = begin; i + kStep < end; i += kStep) {
+    const EdgePoint &p = s.PointAt(i), &q = s.PointAt(i + kStep);
+    const double turn = std::asin(std::clamp(double{p.nu} * q.nv - double{p.nv} * q.nu, -1.0, 1.0));
+    total += turn, both += std::abs(turn);
+  }
+  return std::abs(total) > std::max(kMinTotalRad, kMinShare * both);
+}
+
+// Contours that turn so fast that they have no straight pieces, between those that are straight. Two corners
+// close together look like them: RefineArcs keeps those that explain the pixels down to the noise.
+void FindTightArcs(const Scene& s, LineImage& out) {
+  constexpr double kStraightPx = 10;      // so long a piece is no part of them
+  constexpr std::uint32_t kAtCorner = 2;  // points that a corner may spoil
+  std::size_t piece = 0;
+  for (std::uint32_t c = 0; c < s.b.chains.size(); ++c) {
+    std::uint32_t begin = s.b.chains.start[c];
+    auto look = [&](std::uint32_t end) {
+      const std::uint32_t from = begin + kAtCorner, to = end - kAtCorner;
+      if (end < begin + 2 * kAtCorner + kMinPoints || !Turns(s, from, to)) return;
+      if (const auto arc = FitArc(s, from, to)) AppendArc(s, *arc, out);
+    };
+    for (; piece < s.b.pieces.size() && s.b.pieces[piece].chain == c; ++piece) {
+      const StraightPiece& p = s.b.pieces[piece];
+      if (!s.b.in_arc[piece] && p.to - p.from < kStraightPx) continue;
+      look(p.begin);
+      begin = p.end;
+    }
+    look(s.b.chains.start[c + 1]);
+  }
+}
+
 }  // namespace
 
 void FindArcs(const Scene& s, LineImage& out) {
   s.b.in_arc.assign(s.b.pieces.size(), 0);
+  s.b.num_sure_arcs = 0;
   if (!s.options.arcs) return;
   for (std::size_t i = 0; i + 3 <= s.b.pieces.size();) {
     PieceRun run = TurningRun(s.b.pieces, i);
@@ -158,6 +196,8 @@ void FindArcs(const Scene& s, LineImage& out) {
               1);
     i = run.end;
   }
+  s.b.num_sure_arcs = out.arcs.size();
+  FindTightArcs(s, out);
 }
 
 }  // namespace vss

@@ -65,6 +65,8 @@ struct LineWorkspace::Buffers {
   std::vector<Eigen::Vector2d> arc_points, arc_ideal;
   ArcBuffers arc_fit;
   std::vector<char> arc_covered;
+  std::size_t num_sure_arcs =
+      0;  // of those that were found; the others have to show that they explain the pixels
   std::vector<PieceState> states;
   std::vector<std::int32_t> cell_first, cell_next;
   RefineBuffers refine;
