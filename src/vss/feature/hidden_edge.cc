@@ -16,15 +16,7 @@ struct Bins {
   int count = 0;
 };
 
-// The normal distribution, by Abramowitz and Stegun 26.2.17 (7.5e-8), from its density at `x`.
-double Phi(double x, double bell) {
-  const double k = 1 / (1 + 0.2316419 * std::abs(x)),
-               tail = bell * k *
-                      (0.31938153 +
-                       k * (-0.356563782 + k * (1.781477937 + k * (-1.821255978 + k * 1.330274429))));
-  return x < 0 ? tail : 1 - tail;
-}
-double Phi(double x) { return Phi(x, 0.3989422804 * std::exp(-0.5 * x * x)); }
+double Phi(double x) { return 0.5 * std::erfc(-x * M_SQRT1_2); }
 
 // Mean grey values: the fit's model, whose darker level counts as 0, and the
 // mean residual.
@@ -54,18 +46,14 @@ double Sum(const Bins& bins, const Pair& m, Eigen::Matrix<double, 6, 6>& h, Eige
     double r = b.grey - m.level;
     j[2] = 1, j[5] = 0;
     for (int e = 0; e < 2; ++e) {
-      const double x = (b.t - m.place[e]) / m.blur, bell = 0.3989422804 * std::exp(-0.5 * x * x),
-                   phi = Phi(x, bell);
+      const double x = (b.t - m.place[e]) / m.blur, phi = Phi(x);
       r -= m.contrast[e] * phi;
-      j[e] = -m.contrast[e] * bell / m.blur;
+      j[e] = -m.contrast[e] * std::exp(-0.5 * x * x) * (0.3989422804 / m.blur);
       j[3 + e] = phi;
       j[5] += j[e] * x;
     }
-    for (int p = 0; p < 6; ++p) {
-      const double wj = b.weight * j[p];
-      g[p] += wj * r;
-      for (int q = 0; q <= p; ++q) h(p, q) += wj * j[q];
-    }
+    h.selfadjointView<Eigen::Lower>().rankUpdate(j, b.weight);
+    g += b.weight * r * j;
     sum += b.weight * r * r;
   }
   return sum;
@@ -76,7 +64,7 @@ double Sum(const Bins& bins, const Pair& m, Eigen::Matrix<double, 6, 6>& h, Eige
 double Fit(const Bins& bins, double blur, Pair& m) {
   constexpr int kSteps = 7;
   constexpr double kBlurSpread = 0.15;  // of the fit's blur, which the second edge may have widened
-  constexpr double kMaxStepPx = 0.7, kSmallStepPx = 0.01;
+  constexpr double kMaxStepPx = 0.7;
   Eigen::Matrix<double, 6, 6> h;
   Eigen::Matrix<double, 6, 1> g;
   double sum = 0;
@@ -90,7 +78,6 @@ double Fit(const Bins& bins, double blur, Pair& m) {
     const Eigen::Matrix<double, 6, 1> step = h.selfadjointView<Eigen::Lower>().ldlt().solve(g);
     if (!step.allFinite()) return -1;
     const double largest = std::max(std::abs(step[0]), std::abs(step[1]));
-    if (i > 0 && largest < kSmallStepPx) return sum;
     const double scale = largest > kMaxStepPx ? kMaxStepPx / largest : 1;
     for (int e = 0; e < 2; ++e) m.place[e] += scale * step[e], m.contrast[e] += scale * step[3 + e];
     m.level += scale * step[2];

@@ -224,5 +224,67 @@ TEST(DetectLines, FindsMostEdgesWholeThatAreFourTimesAsStrongAsTheNoise) {
   EXPECT_GE(whole, kMinShare * edges) << whole << " of " << edges;
 }
 
+// Share of the bright side at t px from an edge of that blur (lens and pixel).
+double Step(double t, double blur_px) { return 0.5 * std::erfc(-t / (std::sqrt(2.0) * blur_px)); }
+
+// Distance (px) of a place from an edge across a picture of 200 x 180 px, towards its bright side.
+double FromEdge(double u, double v) { return std::cos(0.4) * (u - 97.3) + std::sin(0.4) * (v - 88.6); }
+
+TEST(DetectLines, FindsAWeakBlurredEdgeOnceAndWhole) {
+  constexpr double kContrast = 40, kNoise = 5, kBlurPx = 1.5;
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    const LineImage lines = LinesOf(Render(
+        200, 180, 8, kNoise, [&](int u, int v) { return 100 + kContrast * Step(FromEdge(u, v), kBlurPx); },
+        seed));
+    ASSERT_EQ(lines.segments.size(), 1u) << "seed " << seed;
+    const LineSegment& s = lines.segments[0];
+    EXPECT_GT((s.end - s.start).norm(), 180);
+    EXPECT_LT(std::abs(FromEdge(s.start.x(), s.start.y())), 0.4);
+    EXPECT_LT(std::abs(FromEdge(s.end.x(), s.end.y())), 0.4);
+  }
+}
+
+TEST(DetectLines, KnowsThatSaturationHidesAnEdgesPlace) {
+  constexpr double kBlurPx = 0.8;
+  for (const double bright : {220.0, 400.0}) {
+    const LineImage lines = LinesOf(Render(
+        200, 180, 8, 2, [&](int u, int v) { return 80 + (bright - 80) * Step(FromEdge(u, v), kBlurPx); }));
+    ASSERT_EQ(lines.segments.size(), 1u);
+    const LineSegment& s = lines.segments[0];
+    const Vector2d middle = 0.5 * (s.start + s.end);
+    EXPECT_LT(std::abs(FromEdge(middle.x(), middle.y())), 3 * s.sigma_offset_px) << bright;
+    if (bright < 255) {
+      EXPECT_LT(s.sigma_offset_px, 0.01);
+    }
+  }
+}
+
+TEST(DetectLines, FindsMostSmallArcsBesideTheirChord) {
+  constexpr double kLong = 12, kShort = 9;
+  int found = 0;
+  constexpr int kPictures = 12;
+  for (int i = 0; i < kPictures; ++i) {
+    const Vector2d center(50.3 + 0.1 * i, 51.2);
+    const double turn = 0.3 * i;
+    const LineImage lines = LinesOf(Render(
+        100, 100, 8, 2,
+        [&](int u, int v) {
+          double sum = 0;
+          constexpr int kSub = 5;
+          for (int k = 0; k < kSub * kSub; ++k) {
+            const Vector2d d = Vector2d(u + 3 * (k % kSub - 2.0) / kSub, v + 3 * (k / kSub - 2.0) / kSub) -
+                               center;  // 3 px wide
+            const double x = std::cos(turn) * d.x() + std::sin(turn) * d.y(),
+                         y = -std::sin(turn) * d.x() + std::cos(turn) * d.y();
+            sum += std::hypot(x / kLong, y / kShort) < 1 && y > 0 ? 1.0 : 0.0;
+          }
+          return 60 + 80 * sum / (kSub * kSub);
+        },
+        unsigned(i)));
+    for (const auto& a : lines.arcs) found += (a.center - center).norm() < 2;
+  }
+  EXPECT_GE(found, kPictures / 2);
+}
+
 }  // namespace
 }  // namespace vss

@@ -184,7 +184,10 @@ void JoinEnds(const RefineContext& x, std::vector<LineSegment>& segments, Refine
 void DropShort(double min_length_px, std::vector<LineSegment>& segments, RefineBuffers& b) {
   b.place.clear();
   int kept = 0;
-  for (const auto& s : segments) b.place.push_back((s.end - s.start).norm() < min_length_px ? -1 : kept++);
+  for (const auto& s : segments) {
+    const bool cut = s.start_junction >= 0 || s.end_junction >= 0;
+    b.place.push_back(!cut && (s.end - s.start).norm() < min_length_px ? -1 : kept++);
+  }
   auto follow = [&](int& junction, SegmentEnd& kind) {
     if (junction < 0) return;
     junction = b.place[std::size_t(junction)];
