@@ -66,6 +66,16 @@ StripGeometry GeometryOf(const StripFrame& f) {
           f.across[major], f.across[minor], f.middle[major], f.middle[minor]};
 }
 
+// Whole pixels of a distance that may be beyond any picture: a wild lens makes columns along which t hardly
+// changes.
+constexpr double kBeyondPictures = 1e8;
+int PixelsAbove(double x) {
+  return static_cast<int>(std::ceil(std::clamp(x, -kBeyondPictures, kBeyondPictures)));
+}
+int PixelsBelow(double x) {
+  return static_cast<int>(std::floor(std::clamp(x, -kBeyondPictures, kBeyondPictures)));
+}
+
 // The pixels of a column from `begin` to `end`, `at` being the first of the picture's.
 template <class Pixel>
 void AddToWing(const std::uint8_t* column, std::ptrdiff_t stride, int begin, int end, double along,
@@ -94,9 +104,9 @@ void ClipAtCorner(double depth, double rate, double blur_px, int& begin, int& en
   if (std::abs(rate) < 1e-6) {
     if (depth < kFarBlurs * blur_px) end = begin - 1;
   } else if (rate > 0) {
-    begin = std::max(begin, static_cast<int>(std::ceil(std::min(at, 1e6))));
+    begin = std::max(begin, PixelsAbove(at));
   } else {
-    end = std::min(end, static_cast<int>(std::floor(std::max(at, -1e6))));
+    end = std::min(end, PixelsBelow(at));
   }
 }
 
@@ -110,13 +120,16 @@ void TakeColumn(const GreyView& image, const StripFrame& f, const StripGeometry&
   double sag = 0, slope = 0;
   if (g.bent) a = (major - g.middle_major - f.Sag(a) * g.across_major) / g.along_major, sag = f.Sag(a);
   if (a < f.from || a > f.to) return;
-  const int centre =
-      static_cast<int>(std::floor(g.middle_minor + a * g.along_minor + sag * g.across_minor + 0.5));
+  const double place = g.middle_minor + a * g.along_minor + sag * g.across_minor;
+  if (!(std::abs(place) < kBeyondPictures)) return;
+  const int centre = static_cast<int>(std::floor(place + 0.5));
   const double d_major = major - g.middle_major, d_minor = centre - g.middle_minor;
   const double a0 = g.along_major * d_major + g.along_minor * d_minor;
   if (g.bent) sag = f.Sag(a0), slope = f.SagSlope(a0);
   const double t0 = g.across_major * d_major + g.across_minor * d_minor - sag;
   const double rate = g.across_minor - slope * g.along_minor, drift = g.along_minor;
+  constexpr double kMinRate = 1e-3;  // of a lens that bends the edge into the column, which is none
+  if (!(std::abs(rate) > kMinRate)) return;
   const double beyond = settings.wide_px - settings.reach_px;
   StripWindow window = {core.low - beyond, core.high + beyond};
   for (const auto& o : b.obstacles)
@@ -126,8 +139,8 @@ void TakeColumn(const GreyView& image, const StripFrame& f, const StripGeometry&
   double first = (core.low - t0) / rate, last = (core.high - t0) / rate;
   if (first > last) std::swap(first, last);
   const int size = g.steep ? image.width : image.height;
-  const int begin = std::max(centre + static_cast<int>(std::ceil(first)), 0),
-            end = std::min(centre + static_cast<int>(std::floor(last)), size - 1);
+  const int begin = std::max(centre + PixelsAbove(first), 0),
+            end = std::min(centre + PixelsBelow(last), size - 1);
   if (end - begin < 2) return;
   const std::size_t n = std::size_t(end - begin) + 1;
   if (count + n + StripBuffers::kSpare > b.grey.size()) b.Grow(2 * (count + n + StripBuffers::kSpare));
@@ -148,8 +161,8 @@ void TakeColumn(const GreyView& image, const StripFrame& f, const StripGeometry&
         base + (g.steep ? major * image.stride_bytes : major * std::ptrdiff_t(sizeof(Pixel)));
     double far_first = (window.low - t0) / rate, far_last = (window.high - t0) / rate;
     if (far_first > far_last) std::swap(far_first, far_last);
-    const int range[2][2] = {{std::max(centre + static_cast<int>(std::ceil(far_first)), 0), begin - 1},
-                             {end + 1, std::min(centre + static_cast<int>(std::floor(far_last)), size - 1)}};
+    const int range[2][2] = {{std::max(centre + PixelsAbove(far_first), 0), begin - 1},
+                             {end + 1, std::min(centre + PixelsBelow(far_last), size - 1)}};
     for (const int side : {0, 1}) {
       int from = range[side][0], to = range[side][1];
       for (const auto& c : settings.corners) {
