@@ -26,6 +26,8 @@ constexpr double kSeedTolerancePx = 1.5;
 constexpr int kMaxPeaks = 7;
 // With every open dimension as usual, or as picked: the seed's own edges are not there.
 constexpr double kHopeless = -10;
+// Where the seed's edge is slanted its ends are found later.
+constexpr double kHopelessSlanted = -40;
 // A voted value must beat the usual one by this: it was picked among several, one of which fits by chance.
 constexpr double kPicked = 8;
 
@@ -206,11 +208,14 @@ class Seeder {
     h.views = ViewsThatSee(PlaceSolid(h.object, false), context_.scene.views, context_.max_views);
     if (h.views.empty()) return {};
     if (!kind_.rims.empty() && !kind_.pairs.empty() && !CompleteRims(h, h.views)) return {};
-    if (Score(h.object, h.views) < kHopeless) return {};
+    const bool slanted = h.first_line >= 0 &&
+                         context_.lines[std::size_t(h.first_line)].kind == WorldLine::Direction::kInclined;
+    const double hopeless = slanted ? kHopelessSlanted : kHopeless;
+    if (Score(h.object, h.views) < hopeless) return {};
     std::vector<Completion> out = CompleteDimensions(h);
     std::erase_if(out, [&](Completion& c) {
       c.h.log_odds = Score(c.h.object, h.views);
-      return c.h.log_odds < kHopeless;
+      return c.h.log_odds < hopeless;
     });
     return out;
   }
