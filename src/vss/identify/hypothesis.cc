@@ -208,9 +208,7 @@ class Seeder {
     h.views = ViewsThatSee(PlaceSolid(h.object, false), context_.scene.views, context_.max_views);
     if (h.views.empty()) return {};
     if (!kind_.rims.empty() && !kind_.pairs.empty() && !CompleteRims(h, h.views)) return {};
-    const bool slanted = h.first_line >= 0 &&
-                         context_.lines[std::size_t(h.first_line)].kind == WorldLine::Direction::kInclined;
-    const double hopeless = slanted ? kHopelessSlanted : kHopeless;
+    const double hopeless = IsSlanted(h, context_) ? kHopelessSlanted : kHopeless;
     if (Score(h.object, h.views) < hopeless) return {};
     std::vector<Completion> out = CompleteDimensions(h);
     std::erase_if(out, [&](Completion& c) {
@@ -289,6 +287,7 @@ class Seeder {
     return l;
   }
 
+  // Of two slanted lines the one whose direction is known less takes the other's.
   void FromPair(const KindTemplate::Pair& pair, const WorldLine& a, const WorldLine& b) {
     const bool slanted = a.kind == WorldLine::Direction::kInclined;
     if (!slanted || a.Unit().cross(b.Unit()).norm() < kMaxSkew / 2)
@@ -926,6 +925,11 @@ std::vector<KindTemplate> MakeTemplates(const KnowledgeBase& knowledge) {
     }
   }
   return out;
+}
+
+bool IsSlanted(const Hypothesis& h, const SeedContext& context) {
+  return h.first_line >= 0 &&
+         context.lines[std::size_t(h.first_line)].kind == WorldLine::Direction::kInclined;
 }
 
 std::vector<Hypothesis> Seeds(const KindTemplate& kind, const SeedContext& context, double support_z_mm) {

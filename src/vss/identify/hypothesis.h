@@ -60,6 +60,10 @@ struct SeedContext {
   bool contact = true;                // may a dimension end where the object touches them?
 };
 
+// Was it seeded from a slanted line? From above such an edge and the level one that goes on from it are one
+// line: where it ends is not told.
+bool IsSlanted(const Hypothesis& hypothesis, const SeedContext& context);
+
 // Seeds of one template on a support at height `support_z_mm`: placed, with the dimensions that the seed
 // tells.
 std::vector<Hypothesis> Seeds(const KindTemplate& kind, const SeedContext& context, double support_z_mm);

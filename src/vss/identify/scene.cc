@@ -130,8 +130,8 @@ class SceneSolver {
   static constexpr double kBarely =
       10;  // natural logarithm of the odds: as good as nothing between two readings
   static constexpr double kClearly = 1e-6;
-  // What an edge costs that runs where the part would be solid: none did in a hundred and fifty true ones, in
-  // every fourth box that was taken for a channel one did.
+  // What an edge costs that runs where the part would be solid: as much as tells two readings apart. None ran
+  // in ninety parts of drawn scenes that were found rightly, one to five in boxes laid around channels.
   static constexpr double kOpaque = 10;
   // Two parts that lie against each other, parallel and both ends flush, within pixels: four coincidences,
   // each of some 1 in 100, where one part of that section needs none.
@@ -310,12 +310,6 @@ class SceneSolver {
     });
     for (auto& h : finished)
       if (h) Keep(std::move(*h), support);
-  }
-
-  // From above a slanted edge and the level one that goes on from it are one line: where it ends is not told.
-  static bool IsSlanted(const Hypothesis& h, const SeedContext& context) {
-    return h.first_line >= 0 &&
-           context.lines[std::size_t(h.first_line)].kind == WorldLine::Direction::kInclined;
   }
 
   // Ends of accepted parts, and of what came second there, may be wrong though their edges are right.

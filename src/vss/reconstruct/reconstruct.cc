@@ -432,8 +432,8 @@ class Reconstructor {
   }
 
   // A dimension that left the knowledge base's range, or went further than its edge was searched for in the
-  // grey values from where it was drawn to and from where identification had it, was captured by another edge: its own is not seen. It is held at what is usual, and its part
-  // starts anew. True where one was.
+  // grey values from where it was drawn to and from where identification had it, was captured by another edge:
+  // its own is not seen. It is held at what is usual, and its part starts anew. True where one was.
   bool HoldCaptured(Adjustment& a) {
     captured_.resize(a.parts.size());
     bool any = false;
