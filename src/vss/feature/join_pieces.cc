@@ -1,19 +1,11 @@
 // Straight pieces that are one line become one.
+#include "vss/feature/grey_sample.h"
 #include "vss/feature/line_scene.h"
 
 namespace vss {
 namespace {
 
 using Eigen::Vector2d;
-
-double Sample(const GreyView& image, const Vector2d& p) {
-  const double u = std::clamp(p.x(), 0.0, image.width - 1.001),
-               v = std::clamp(p.y(), 0.0, image.height - 1.001);
-  const int iu = static_cast<int>(u), iv = static_cast<int>(v);
-  const double a = u - iu, b = v - iv;
-  return (1 - b) * ((1 - a) * image.At(iu, iv) + a * image.At(iu + 1, iv)) +
-         b * ((1 - a) * image.At(iu, iv + 1) + a * image.At(iu + 1, iv + 1));
-}
 
 // Whether the picture shows an edge of the right sign and at least a third of the contrast between the two
 // places (ideal).

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "vss/feature/grey_sample.h"
 #include "vss/feature/line_refine.h"
 #include "vss/feature/strip_frame.h"
 #include "vss/feature/strip_surroundings.h"
@@ -10,15 +11,6 @@ namespace vss {
 namespace {
 
 using Eigen::Vector2d;
-
-double Sample(const GreyView& image, const Vector2d& p) {
-  const double u = std::clamp(p.x(), 0.0, image.width - 1.001),
-               v = std::clamp(p.y(), 0.0, image.height - 1.001);
-  const int iu = static_cast<int>(u), iv = static_cast<int>(v);
-  const double a = u - iu, b = v - iv;
-  return (1 - b) * ((1 - a) * image.At(iu, iv) + a * image.At(iu + 1, iv)) +
-         b * ((1 - a) * image.At(iu, iv + 1) + a * image.At(iu + 1, iv + 1));
-}
 
 // Difference of the two sides of the line at a place of it (ideal).
 double StepAt(const RefineContext& x, const Vector2d& at, const Vector2d& along) {
