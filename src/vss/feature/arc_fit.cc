@@ -8,6 +8,7 @@
 
 #include "vss/feature/arc_curve.h"
 #include "vss/feature/ellipse_fit.h"
+#include "vss/feature/strip_fit.h"
 #include "vss/feature/strip_sums.h"
 #include "vss/geometry/rigid_transform.h"
 
@@ -424,8 +425,6 @@ class ArcFit {
   }
 
   bool Fit() {
-    constexpr double kUneven =
-        1.15;                      // residuals so much above the noise's sigma: levels that are not constant
     constexpr double kNear = 0.1;  // px: so small a move leaves the derivatives as they are
     constexpr int kRounds = 6;
     row_step_ = 2;  // half of the rows come near enough
@@ -444,7 +443,7 @@ class ArcFit {
     const Vector2d& c = curve_.ellipse.center;
     const double noise = s_.b.noise.At(std::clamp(int(c.x()), 0, s_.image.width - 1),
                                        std::clamp(int(c.y()), 0, s_.image.height - 1));
-    linear_ = Sigma() > kUneven * noise;
+    linear_ = Sigma() > kExplainedShare * noise;
     if (!AnyStep()) return false;
     if (DropSectors() && (!Move() || !AnyStep())) return false;
     DropSectors();

@@ -30,10 +30,7 @@ struct Gate {
 
 // Whether the model explains the pixels down to their noise: more is texture, in which likelihood may run
 // off.
-bool IsExplained(const StripFit& fit, double noise) {
-  constexpr double kMost = 1.15;
-  return fit.residual_sigma < kMost * noise;
-}
+bool IsExplained(const StripFit& fit, double noise) { return fit.residual_sigma < kExplainedShare * noise; }
 
 // Whether the fit stays near the raw segment. Where the model explains the pixels down to the noise, an edge
 // may have moved as far as a blurred one's points wander; one close beside another was drawn towards it.

@@ -24,9 +24,6 @@ struct Fitted {
   int parameters = 0;
 };
 
-// Residuals so much above the noise: levels that are not constant.
-constexpr double kUnevenShare = 1.15;
-
 double ResidualSigma(const Fitted& f) {
   return std::sqrt(f.residual2 / std::max(1.0, f.weight - f.parameters));
 }
@@ -94,7 +91,7 @@ void PrepareWings(double half, double noise, StripWing (&wings)[2]) {
                  aa = w.along2 - w.n * mean_a * mean_a, ay = w.grey_along - w.n * mean_a * mean_y,
                  yy = w.grey2 - w.n * mean_y * mean_y, left = yy - (aa > 0 ? ay * ay / aa : 0);
     const double variance = left / std::max(1.0, w.n - 2);
-    if (w.n < kMinPixels || w.saturated || variance > std::pow(kUnevenShare * noise, 2) ||
+    if (w.n < kMinPixels || w.saturated || variance > std::pow(kExplainedShare * noise, 2) ||
         variance < kRoundingVariance)
       w = {};
   }
@@ -335,7 +332,7 @@ StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<cons
   const int iterations = kIterations + (edges > 1 ? 2 : 0);
   if (!iterate(samples, b.wing, prior, simd, iterations, edges > 1, f)) return out;
   // Where levels that hold far from the edge do not explain the strip, it goes without them.
-  if (b.wing[0].n + b.wing[1].n > 0 && ResidualSigma(f) > kUnevenShare * settings.noise_sigma) {
+  if (b.wing[0].n + b.wing[1].n > 0 && ResidualSigma(f) > kExplainedShare * settings.noise_sigma) {
     b.wing[0] = b.wing[1] = {};
     if (!iterate(samples, b.wing, prior, simd, iterations, false, f)) return out;
   }

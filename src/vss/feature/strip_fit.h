@@ -57,6 +57,10 @@ struct StripEdge {
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // of offset at a = 0 and slope
 };
 
+// Residuals of no more than so much of the noise leave nothing to explain; more is texture, or levels that
+// are not constant.
+inline constexpr double kExplainedShare = 1.15;
+
 struct StripFit {
   bool ok = false;
   bool profiled = false;  // the buffers' profile is this fit's

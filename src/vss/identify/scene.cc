@@ -133,8 +133,8 @@ class SceneSolver {
   // What an edge costs that runs where the part would be solid: as much as tells two readings apart. None ran
   // in ninety parts of drawn scenes that were found rightly, one to five in boxes laid around channels.
   static constexpr double kOpaque = 10;
-  // Two parts that lie against each other, parallel and both ends flush, within pixels: four coincidences,
-  // each of some 1 in 100, where one part of that section needs none.
+  // Two parts that lie against each other, parallel and both ends flush, within pixels: four coincidences at
+  // once, taken as one in 150 each, where one part of that section needs none.
   static constexpr double kFlush = 20, kFlushPx = 5, kFlushRad = 2 * kPi / 180;
   static constexpr double kWorthSliding = -20;  // less, and no end that is moved makes a part of it
   // Parts touch that are no farther apart than places are unsure by before reconstruction; what relations ask
