@@ -104,8 +104,10 @@ inline std::vector<IdentifiedPart> Moved(std::vector<IdentifiedPart> parts, doub
   for (auto& p : parts) {
     for (int i = 0; i < 2; ++i) p.object.placement[i] += move_mm * normal(random);
     p.object.placement[3] += RadFromDeg(turn_deg) * normal(random);
-    for (auto& d : p.object.dimensions_mm)
-      d = std::max(kLeastShare * d, d + (d < kThinMm ? kThinShare : 1) * move_mm * normal(random));
+    for (auto& d : p.object.dimensions_mm) {
+      const double moved = d + (std::abs(d) < kThinMm ? kThinShare : 1) * move_mm * normal(random);
+      d = d > 0 ? std::max(kLeastShare * d, moved) : moved;  // where a hole lies may be negative
+    }
   }
   return parts;
 }
