@@ -170,7 +170,7 @@ inline nlohmann::json NoiseTrial(std::uint64_t seed, const KnowledgeBase& knowle
   ReconstructOptions options;
   options.adjust_cameras = options.allow_tilt = false;
   options.ground_sigma_mm = 1e-3;
-  options.free_bias_px = options.contact_bias_px = options.round_bias_px = 1e-3;
+  options.free_bias_px = options.contact_bias_px = options.round_bias_px = options.shadowed_bias_px = 1e-3;
   const auto result =
       OrStop(ReconstructScene(noisy.views, noisy.pictures, Moved(truth, 3, 0.2, random), options, 1, {}));
   nlohmann::json out = nlohmann::json::array();

@@ -54,7 +54,9 @@ struct SurveyChecks {
   std::vector<PictureCheck> pictures;
   std::vector<CameraCheck> cameras;
   ScaleCheck scale;
-  std::array<double, 4> systematic_px{};  // common error of an edge in a picture: free, contact, round, limb
+  // Common error of an edge in a picture: free, contact, round, limb, shadowed
+  // (reconstruct/contour_pieces.h).
+  std::array<double, 5> systematic_px{};
 };
 
 }  // namespace vss

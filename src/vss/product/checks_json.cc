@@ -102,7 +102,8 @@ Json ChecksJson(const SurveyChecks& checks, const std::vector<std::string>& file
   out["systematic_px"] = {{"free", Significant(checks.systematic_px[0])},
                           {"contact", Significant(checks.systematic_px[1])},
                           {"round", Significant(checks.systematic_px[2])},
-                          {"limb", Significant(checks.systematic_px[3])}};
+                          {"limb", Significant(checks.systematic_px[3])},
+                          {"shadowed", Significant(checks.systematic_px[4])}};
   return out;
 }
 

@@ -114,13 +114,21 @@ MatrixXd ImgByIntrinsics(const Intrinsics& k, const Vector3d& p, const Vector2d&
   return j;
 }
 
+// A shadow makes the dark side of an edge wider: it pulls towards the bright side, whichever that is.
+bool PulledByShadow(const ObservationGroup& group) {
+  return group.edge_class == ContourClass::kContact || group.edge_class == ContourClass::kShadowed;
+}
+
 // How far, along the observation's normal, a bias of one pixel moves the contour there.
-double BiasShift(const AdjustedPart& part, int contour, const WorldSolid& solid, const Observation& o,
-                 const Eigen::RowVector3d& normal_by_world) {
-  const auto rim = part.rim_mm_per_px.find(contour);
-  if (rim == part.rim_mm_per_px.end()) return 1;
-  const auto& circle = solid.circles[static_cast<std::size_t>(o.sample.index)];
-  return rim->second * normal_by_world.dot((o.sample.point_in_world - circle.center.point).normalized());
+double BiasShift(const AdjustedPart& part, const ObservationGroup& group, const WorldSolid& solid,
+                 const Observation& o, const Eigen::RowVector3d& normal_by_world) {
+  const auto rim = part.rim_mm_per_px.find(group.BiasKey());
+  double shift = 1;
+  if (rim != part.rim_mm_per_px.end()) {
+    const auto& circle = solid.circles[static_cast<std::size_t>(o.sample.index)];
+    shift = rim->second * normal_by_world.dot((o.sample.point_in_world - circle.center.point).normalized());
+  }
+  return PulledByShadow(group) ? std::copysign(shift, o.contrast) : shift;
 }
 
 double TukeyWeight(double z) {
@@ -142,7 +150,7 @@ Adjustment::Adjustment(std::span<const View> views, std::vector<AdjustedPart> pa
       cameras(std::move(cameras_in)),
       stops(std::move(stops_in)),
       systematic_px{o.free_systematic_px, o.contact_systematic_px, o.round_systematic_px,
-                    o.limb_systematic_px},
+                    o.limb_systematic_px, o.shadowed_systematic_px},
       options(o),
       views_(views.begin(), views.end()) {
   camera_of_view_.assign(views.size(), -1);
@@ -202,16 +210,15 @@ Adjustment::Layout Adjustment::MakeLayout() const {
 void Adjustment::PrepareBiases() {
   std::map<std::pair<int, int>, std::vector<double>> lengths;
   std::map<std::pair<int, int>, ContourClass> classes;
-  std::map<std::pair<int, int>, std::vector<double>> mm_per_px, height_mm;
+  std::map<std::pair<int, int>, std::vector<double>> mm_per_px, neighbours;
   std::map<std::pair<int, int>, bool> is_rim;
   for (const auto& g : groups) {
-    const std::pair key(g.part, g.contour);
+    const std::pair key(g.part, g.BiasKey());
     const auto& view = views_[static_cast<std::size_t>(g.view)];
     for (const auto& o : g.observations) {
       lengths[key].push_back(o.half_length_px);
+      neighbours[key].push_back(o.neighbour_blurs);
       is_rim[key] = o.sample.source == ContourSample::Source::kCircle;
-      height_mm[key].push_back(o.sample.point_in_world.z() -
-                               parts[static_cast<std::size_t>(g.part)].object.placement[2]);
       mm_per_px[key].push_back((view.cam_from_world * o.sample.point_in_world).z() /
                                view.camera->intrinsics.fx_px);
     }
@@ -221,13 +228,13 @@ void Adjustment::PrepareBiases() {
   for (const auto& [key, half] : lengths) {
     const double length = Median(half);
     auto& part = parts[static_cast<std::size_t>(key.first)];
-    const double mm = Median(mm_per_px[key]), above_px = std::max(0.0, Median(height_mm[key]) / mm);
-    if (is_rim[key]) part.rim_mm_per_px[key.second] = mm;
-    const double shadow = options.bias_px[static_cast<std::size_t>(ContourClass::kContact)] *
-                          std::exp(-above_px / options.shadow_reach_px);
+    if (is_rim[key]) part.rim_mm_per_px[key.second] = Median(mm_per_px[key]);
+    const auto of_class = static_cast<std::size_t>(classes[key]);
+    const bool near = Median(neighbours[key]) < options.near_blurs;
     part.bias_px.insert({key.second, 0.0});
-    const double own = std::max(options.bias_px[static_cast<std::size_t>(classes[key])], shadow);
-    part.bias_prior_px[key.second] = std::hypot(own, options.short_edge_bias / (length * length));
+    const double own = options.bias_px[of_class];
+    part.bias_prior_px[key.second] = std::hypot(own, near ? options.near_bias_px[of_class] : 0,
+                                                options.short_edge_bias / (length * length));
   }
   for (auto& part : parts)
     std::erase_if(part.bias_px, [&](const auto& b) { return !part.bias_prior_px.contains(b.first); });
@@ -240,14 +247,14 @@ void Adjustment::UpdateResiduals() {
   for (auto& group : groups) {
     auto& part = parts[static_cast<std::size_t>(group.part)];
     const auto& view = views[static_cast<std::size_t>(group.view)];
-    const double bias = part.bias_px[group.contour];
+    const double bias = part.bias_px[group.BiasKey()];
     for (auto& o : group.observations) {
       o.sample.point_in_world = SamplePoint(solids[static_cast<std::size_t>(group.part)], o.sample);
       Eigen::Matrix<double, 2, 3> by_cam;
       const auto img =
           view.camera->intrinsics.Project(view.cam_from_world * o.sample.point_in_world, &by_cam);
-      const double shift = img ? BiasShift(part, group.contour, solids[static_cast<std::size_t>(group.part)],
-                                           o, o.normal.transpose() * by_cam * view.cam_from_world.rotation)
+      const double shift = img ? BiasShift(part, group, solids[static_cast<std::size_t>(group.part)], o,
+                                           o.normal.transpose() * by_cam * view.cam_from_world.rotation)
                                : 0;
       o.residual_px = img ? o.normal.dot(*img - o.measured) + bias * shift : 0;
       if (!img) o.weight = 0;
@@ -277,8 +284,8 @@ void Adjustment::UpdateWeights() {
     }
     group.mean_px = sum > 0 ? weighted / sum : 0;
     group.sigma_mean_px = sum > 0 ? 1 / std::sqrt(sum) : 1e3;
-    // By the same sigma as the group weighs with: judged by its class's, an edge in uneven light that lost one
-    // picture to a pull is pulled farther, loses the next, and so goes away from round to round.
+    // By the same sigma as the group weighs with: judged by its class's, an edge in uneven light that lost
+    // one picture to a pull is pulled farther, loses the next, and so goes away from round to round.
     const double s = std::max(systematic_px[static_cast<std::size_t>(group.edge_class)], group.systematic_px);
     group.weight = GroupWeight(group.mean_px / std::hypot(s, group.sigma_mean_px));
   }
@@ -318,14 +325,15 @@ void Adjustment::UpdateSystematics() {
   double unknowns = 0;
   for (const auto& p : parts) unknowns += static_cast<double>(std::count(p.free.begin(), p.free.end(), true));
   const double defaults[] = {options.free_systematic_px, options.contact_systematic_px,
-                             options.round_systematic_px, options.limb_systematic_px};
+                             options.round_systematic_px, options.limb_systematic_px,
+                             options.shadowed_systematic_px};
   const double share = std::max(0.3, 1 - unknowns / std::max<double>(1, static_cast<double>(groups.size())));
   std::array<std::vector<SquaredMean>, kNumContourClasses> by_class;
   std::map<std::pair<int, int>, std::vector<SquaredMean>> by_contour;
   for (const auto& g : groups) {
     const SquaredMean mean(g.mean_px * g.mean_px, g.sigma_mean_px * g.sigma_mean_px);
     by_class[static_cast<std::size_t>(g.edge_class)].push_back(mean);
-    by_contour[{g.part, g.contour}].push_back(mean);
+    by_contour[{g.part, g.BiasKey()}].push_back(mean);
   }
   for (std::size_t c = 0; c < by_class.size(); ++c)
     if (!by_class[c].empty())
@@ -334,14 +342,14 @@ void Adjustment::UpdateSystematics() {
   // A contour whose pictures disagree more than those of its class do is known worse.
   for (auto& g : groups) {
     const double of_class = systematic_px[static_cast<std::size_t>(g.edge_class)];
-    const auto& means = by_contour[{g.part, g.contour}];
+    const auto& means = by_contour[{g.part, g.BiasKey()}];
     const double own =
         Believed(SystematicOf(means, share), static_cast<double>(means.size()), of_class, kContourGroups);
     g.systematic_px = std::max(of_class, own);
     auto& part = parts[static_cast<std::size_t>(g.part)];
     const double least = means.size() == 1 ? options.single_view_bias_px : 0;
-    part.bias_sigma_px[g.contour] =
-        std::hypot(std::max(part.bias_prior_px[g.contour], least), kPulledAlike * g.systematic_px);
+    part.bias_sigma_px[g.BiasKey()] =
+        std::hypot(std::max(part.bias_prior_px[g.BiasKey()], least), kPulledAlike * g.systematic_px);
   }
 }
 
@@ -356,7 +364,7 @@ Adjustment::Term Adjustment::TermOf(const ObservationGroup& group, const WorldSo
   std::vector<int> at;
   for (int i = 0; i < state; ++i) at.push_back(layout_.part[p] + i);
   for (int i = 0; i < kPlaceSize + intrinsics; ++i) at.push_back(layout_.camera[c] + i);
-  at.push_back(layout_.bias[p].at(group.contour));
+  at.push_back(layout_.bias[p].at(group.BiasKey()));
   if (has_stop)
     for (int i = 0; i < 3; ++i) at.push_back(layout_.stop[static_cast<std::size_t>(stop_of_view_[v])] + i);
   if (layout_.scale >= 0) at.push_back(layout_.scale);
@@ -379,7 +387,7 @@ Adjustment::Term Adjustment::TermOf(const ObservationGroup& group, const WorldSo
       j.segment(state + kPlaceSize, intrinsics) =
           (o.normal.transpose() * ImgByIntrinsics(k, q, *img, intrinsics)).transpose();
     Eigen::Index next = state + kPlaceSize + intrinsics;
-    j[next++] = BiasShift(parts[p], group.contour, solid, o, n_by_world);
+    j[next++] = BiasShift(parts[p], group, solid, o, n_by_world);
     if (has_stop) {
       j.segment<3>(next) = -n_by_world.transpose();
       next += 3;
@@ -568,7 +576,12 @@ void Adjustment::ComputeCovariance() {
 
 void Adjustment::EstimatePriorScales() {
   if (!options.adjust_cameras) return;
-  constexpr double kMinScale = 0.02, kMaxScale = 10, kMinRedundancy = 2;
+  // The declared sigma counts as much as what two stops tell: a few corrections that happen to be small do not
+  // make a rig precise.
+  constexpr double kMinScale = 0.02, kMaxScale = 10, kBelief = 6;
+  const auto scale_of = [&](double squares, double degrees) {
+    return std::clamp(std::sqrt((squares + kBelief) / (degrees + kBelief)), kMinScale, kMaxScale);
+  };
   ComputeCovariance();
   double sum = 0, redundancy = 0;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
@@ -578,15 +591,14 @@ void Adjustment::EstimatePriorScales() {
     redundancy += static_cast<double>(cameras[c].value.size()) -
                   (w * CameraCovariance(static_cast<int>(c))).trace() / (camera_scale * camera_scale);
   }
-  if (redundancy > kMinRedundancy)
-    camera_scale = std::clamp(std::sqrt(sum / redundancy), kMinScale, kMaxScale);
+  camera_scale = scale_of(sum, std::max(0.0, redundancy));
   sum = redundancy = 0;
   const double w = 1 / (options.stop_sigma_mm * options.stop_sigma_mm);
   for (std::size_t s = 0; s < stops.size(); ++s) {
     sum += w * stops[s].value.squaredNorm();
     redundancy += 3 - w * StopCovariance(static_cast<int>(s)).trace() / (stop_scale * stop_scale);
   }
-  if (redundancy > kMinRedundancy) stop_scale = std::clamp(std::sqrt(sum / redundancy), kMinScale, kMaxScale);
+  stop_scale = scale_of(sum, std::max(0.0, redundancy));
 }
 
 Adjustment::Gain Adjustment::GainOfFreeing(int part, std::span<const int> state, double prior_sigma) {

@@ -11,6 +11,7 @@
 // tied to what it stands on.
 #pragma once
 #include <Eigen/Core>
+#include <cmath>
 #include <map>
 #include <span>
 #include <vector>
@@ -26,9 +27,11 @@ struct Observation {
   Eigen::Vector2d normal = Eigen::Vector2d::UnitX();   // img, unit
   double sigma_px = 0.1;
   double contrast = 0;
-  double weight = 1;  // robust, within its group
+  bool shadowed = false;  // a shadow may lie behind it: ContourClass::kShadowed
+  double weight = 1;      // robust, within its group
   double residual_px = 0;
-  double half_length_px = 4;  // of the strip
+  double half_length_px = 4;          // of the strip
+  double neighbour_blurs = INFINITY;  // to the nearest other contour, measured in the same fit; of the blur
 };
 
 // The observations of one edge, rim or limb of one part in one view.
@@ -41,6 +44,10 @@ struct ObservationGroup {
   double weight = 1;         // robust
   double mean_px = 0;        // weighted mean residual
   double sigma_mean_px = 0;  // of the mean, from the observations' own noise
+
+  // What pulls this contour in pictures of this kind: with a shadow behind it it is another pull than
+  // without.
+  int BiasKey() const { return 2 * contour + (edge_class == ContourClass::kShadowed); }
 };
 
 // One number for an edge, rim or limb of a solid.
@@ -55,7 +62,7 @@ struct AdjustedPart {
   Eigen::VectorXd prior_value, prior_sigma;  // of the state: weak, so that the system always has one solution
   // What pulls a contour the same way in all pictures (chamfer, contact shadow), along the observations'
   // normal; it cannot be told from the part's shape, so that its prior sigma bounds how well the shape is
-  // known.
+  // known. By ObservationGroup::BiasKey.
   std::map<int, double> bias_px, bias_prior_px, bias_sigma_px;
   // Of rims: there a pull is one of the radius, so that the oblique view of a circle does not seem to tell
   // the two apart. mm of radius for a px of bias.
@@ -87,14 +94,16 @@ struct AdjustmentOptions {
   double ground_sigma_mm = 0.1;
   double contact_sigma_mm = 0.1;
   // What may pull a contour in all pictures alike, by class; and an edge of short pieces, px * px^2.
-  std::array<double, kNumContourClasses> bias_px{0.02, 0.2, 0.05, 0.5};
+  std::array<double, kNumContourClasses> bias_px{0.02, 0.2, 0.05, 0.5, 0.35};
+  // And what is added to that where another contour is so near that their steps run into each other
+  // (accuracy_pulls).
+  double near_blurs = 3;
+  std::array<double, kNumContourClasses> near_bias_px{0.08, 0.4, 0.08, 0.1, 0.1};
   double short_edge_bias = 0.15;
-  // A part's foot is surrounded by shadow; of its pull an edge at this height above has 1/e.
-  double shadow_reach_px = 3;
   double single_view_bias_px = 0.2;  // a contour that one picture alone measured: nothing checks it
   double stop_sigma_mm = 0.15;
   double free_systematic_px = 0.03, contact_systematic_px = 0.15, round_systematic_px = 0.05,
-         limb_systematic_px = 0.15;  // to start with
+         limb_systematic_px = 0.15, shadowed_systematic_px = 0.2;  // to start with
   // Where lengths are known, the places of all cameras, about the world's origin, share an unknown scale.
   std::vector<KnownLength> known_lengths;
   double scale_sigma = 0.01;  // what is known of it beforehand
@@ -150,7 +159,7 @@ class Adjustment {
  private:
   struct Layout {
     std::vector<int> part, camera, stop;   // offsets
-    std::vector<std::map<int, int>> bias;  // per part: contour -> offset
+    std::vector<std::map<int, int>> bias;  // per part: BiasKey -> offset
     int scale = -1;
     int size = 0;
   };

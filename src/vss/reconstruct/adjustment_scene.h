@@ -59,6 +59,7 @@ struct Scene {
     AdjustmentOptions options;
     options.ground_sigma_mm = options.contact_sigma_mm = 0.01;
     options.bias_px.fill(1e-3);  // the simulation has none
+    options.near_bias_px.fill(0);
     options.short_edge_bias = 0;
     PriorOptions priors{5e-5, 0.1, 0, 0};
     return Adjustment(views, parts, MakeCameras(views, priors), MakeStops(views), options);

@@ -72,8 +72,8 @@ TEST(Adjustment, AStopThatIsOffIsFound) {
   EXPECT_GT(a.stops[2].value.x() - a.stops[1].value.x(), 0.2);
 }
 
-// The box's foot at one end, seen in two pictures only, is taken for the border of its shadow; the edge above is
-// seen in all. Adjusted again and again, as when edges are measured anew, that edge keeps its place.
+// The box's foot at one end, seen in two pictures only, is taken for the border of its shadow; the edge above
+// is seen in all. Adjusted again and again, as when edges are measured anew, that edge keeps its place.
 TEST(Adjustment, AWrongEdgeDoesNotPullARightOneOffFromRoundToRound) {
   const Scene scene;
   constexpr double kShadowPx = 1.2;
@@ -90,7 +90,8 @@ TEST(Adjustment, AWrongEdgeDoesNotPullARightOneOffFromRoundToRound) {
     const auto& edge = box.edges[static_cast<std::size_t>(g.observations[0].sample.index)];
     const Vector3d &p = box.vertices[static_cast<std::size_t>(edge.start)].point,
                    &q = box.vertices[static_cast<std::size_t>(edge.end)].point;
-    if (along.dot(p - middle) > -400 || along.dot(q - middle) > -400 || std::abs(p.z() - q.z()) > 1) return -1;
+    if (along.dot(p - middle) > -400 || along.dot(q - middle) > -400 || std::abs(p.z() - q.z()) > 1)
+      return -1;
     return p.z() > 1 ? 1 : 0;
   };
   int feet = 0, tops = 0;

@@ -276,7 +276,8 @@ CoarseFit FitToLines(const PlacedObject& start, std::span<const View> views, con
     if (width <= options.end_width_px) break;
   }
   const Sums after = sum_up(object, options.end_width_px);
-  if (after.num_samples > 0 && after.cost <= fit.cost) fit = {object, after.num_samples, after.cost, fit.start_cost};
+  if (after.num_samples > 0 && after.cost <= fit.cost)
+    fit = {object, after.num_samples, after.cost, fit.start_cost};
   return fit;
 }
 

@@ -41,6 +41,34 @@ double DistanceToTriangle(const Vector3d& p, const std::array<Vector3d, 3>& t, d
   return height;
 }
 
+// The outward normal of a face at `at` on it.
+Vector3d NormalAt(const SolidFace& face, const Vector3d& at) {
+  if (!face.is_cylinder) return face.normal_in_part;
+  Vector3d out = at - face.axis_point;
+  out -= face.axis_direction * face.axis_direction.dot(out);
+  return (face.is_hole ? -1.0 : 1.0) * out.normalized();
+}
+
+// See ContourPiece::background; `normal`: of the curve in the picture.
+int BackgroundOf(const WorldSolid& solid, const View& view, const ContourSample& s, const Vector2d& normal) {
+  if (!s.silhouette || s.source == ContourSample::Source::kLimb) return 0;
+  const auto i = static_cast<std::size_t>(s.index);
+  const bool edge = s.source == ContourSample::Source::kEdge;
+  const int one = edge ? solid.edges[i].left_face : solid.circles[i].plane_face;
+  const int two = edge ? solid.edges[i].right_face : solid.circles[i].cylinder_face;
+  const Vector3d to_eye = view.center_in_world - s.point_in_world;
+  Vector3d seen = NormalAt(solid.faces[static_cast<std::size_t>(one)], s.point_in_world);
+  Vector3d hidden = NormalAt(solid.faces[static_cast<std::size_t>(two)], s.point_in_world);
+  if (seen.dot(to_eye) < 0) std::swap(seen, hidden);
+  // The face that is seen leads away from the edge, against the normal of the other one.
+  constexpr double kStepMm = 1;
+  const Vector3d into = (hidden.dot(seen) * seen - hidden) * (edge && !solid.edges[i].convex ? -1 : 1);
+  const auto a = view.ProjectIdeal(s.point_in_world),
+             b = view.ProjectIdeal(s.point_in_world + kStepMm * into.normalized());
+  if (!a || !b) return 0;
+  return normal.dot(*b - *a) > 0 ? -1 : 1;
+}
+
 struct Contact {
   std::span<const WorldSolid> solids;
   std::vector<Eigen::AlignedBox3d> boxes;
@@ -86,9 +114,15 @@ class Cutter {
 
   std::vector<ContourPiece> Pieces() {
     std::vector<ContourPiece> out;
-    for (auto& c : wanted_)
-      if ((options_.only_part < 0 || c.piece.part == options_.only_part) && Surround(c))
-        out.push_back(c.piece);
+    for (auto& c : wanted_) {
+      if ((options_.only_part >= 0 && c.piece.part != options_.only_part) || !Surround(c)) continue;
+      const auto& solid = solids_[static_cast<std::size_t>(c.piece.part)];
+      const auto& s = c.piece.sample;
+      c.piece.background = BackgroundOf(solid, view_, s, c.piece.curve.normal);
+      c.piece.above_foot_px = (s.point_in_world.z() - solid.world_from_part.translation.z()) *
+                              view_.camera->intrinsics.fx_px / (view_.cam_from_world * s.point_in_world).z();
+      out.push_back(c.piece);
+    }
     return out;
   }
 

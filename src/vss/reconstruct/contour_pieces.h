@@ -17,14 +17,21 @@ enum class ContourClass {
   kContact,  // lies on the ground or on another part, or in a corner of its own: shadow and weld pull it
   kRound,    // rim of a cylinder
   kLimb,     // its outline: there the light falls as the square root of the distance, within a few pixels
+  // An edge or rim of a dark face before what the part stands on, close above it: its shadow lies behind it,
+  // and where that is about as dark as the face, the shadow's border is the step that shows.
+  kShadowed,
 };
-inline constexpr int kNumContourClasses = 4;
+inline constexpr int kNumContourClasses = 5;
 
 struct ContourPiece {
   int part = 0;
   ContourSample sample;
   ProfileCurve curve;  // in img, normal = tangent turned by +90 degrees (u towards v)
   ContourClass edge_class = ContourClass::kFree;
+  // Of an outline, where one side of it is another thing than the face: 1 where that lies along the curve's
+  // normal, -1 against it; 0: both sides are faces of the part, or a limb.
+  int background = 0;
+  double above_foot_px = 0;  // height above the part's origin, as a length at its depth
   double half_length_px = 0;
   double reach_minus_px = 0, reach_plus_px = 0;  // free of crossing contours
   std::vector<ProfileCurve> neighbours;          // parallel contours within reach

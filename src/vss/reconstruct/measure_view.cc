@@ -24,11 +24,41 @@ void KeepOnePolarity(ObservationGroup& group) {
   std::erase_if(group.observations, [&](const Observation& o) { return (o.contrast > 0) != (sum > 0); });
 }
 
+// Whether the step may be the border of the part's shadow: see ContourClass::kShadowed.
+bool MayBeShadowed(const ContourPiece& piece, double contrast) {
+  // Higher above, the shadow's border lies farther away than an edge is looked for, but under a lamp that
+  // stands nearly where the camera does (accuracy_pulls).
+  constexpr double kHighestPx = 12;
+  return piece.background * contrast > 0 && piece.above_foot_px < kHighestPx;
+}
+
+// What a shadow may lie behind is another group than the rest of its contour: of an edge all or nothing, of a
+// rim the part of it that has one.
+void SetShadowedApart(std::vector<ObservationGroup>& groups) {
+  const auto is_shadowed = [](const Observation& o) { return o.shadowed; };
+  for (std::size_t i = 0, n = groups.size(); i < n; ++i) {
+    if (groups[i].edge_class == ContourClass::kContact || groups[i].observations.empty()) continue;
+    auto& all = groups[i].observations;
+    const auto count = static_cast<std::size_t>(std::count_if(all.begin(), all.end(), is_shadowed));
+    const bool rim = all[0].sample.source == ContourSample::Source::kCircle;
+    if (count == all.size() || (!rim && 2 * count > all.size()))
+      groups[i].edge_class = ContourClass::kShadowed;
+    if (!rim || count == 0 || count == all.size()) continue;
+    ObservationGroup apart = groups[i];
+    apart.edge_class = ContourClass::kShadowed;
+    std::erase_if(apart.observations, [&](const auto& o) { return !is_shadowed(o); });
+    std::erase_if(all, is_shadowed);
+    groups.push_back(std::move(apart));
+  }
+}
+
 // How much a piece of contour speaks for its part's being there: its length in px, half of it for an edge
-// exactly where it should be, half against it for none within reach.
+// exactly where it should be, half against it for none within reach; steps anywhere, as texture has them,
+// speak neither for nor against.
 double SupportOf(const ContourPiece& piece, const std::optional<ProfileFit>& fit, double search_px) {
+  constexpr double kSpread = 1.5;  // so that offsets that are spread evenly over the reach add up to nothing
   const double off = fit ? fit->offset_px / search_px : 1;
-  return (0.5 - std::min(1.0, off * off)) * 2 * piece.half_length_px;
+  return (0.5 - std::min(1.0, kSpread * off * off)) * 2 * piece.half_length_px;
 }
 
 }  // namespace
@@ -89,6 +119,10 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
     o.half_length_px = piece.half_length_px;
     o.sigma_px = std::hypot(fit->sigma_px, kShortPieceError / (piece.half_length_px * piece.half_length_px));
     o.contrast = fit->contrast;
+    o.shadowed = MayBeShadowed(piece, fit->contrast);
+    for (const auto& n : piece.neighbours)
+      o.neighbour_blurs =
+          std::min(o.neighbour_blurs, std::abs(n.Distance(piece.curve.point)) / state.blur_px);
     group.observations.push_back(o);
     if (piece.neighbours.empty() && fit->sigma_px < kClearBlur * state.blur_px) {
       out.blurs.push_back(fit->blur_px);
@@ -101,6 +135,7 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
   for (std::size_t i = 0; i < out.groups.size(); ++i)
     if (contacts[i] > 0) out.groups[i].edge_class = ContourClass::kContact;
   for (auto& group : out.groups) KeepOnePolarity(group);
+  SetShadowedApart(out.groups);
   std::erase_if(out.groups, [](const auto& g) { return g.observations.empty(); });
   return out;
 }

@@ -90,7 +90,7 @@ class Reconstructor {
     adjust.stop_sigma_mm = options_.stop_sigma_mm;
     adjust.known_lengths = options_.known_lengths;
     adjust.bias_px = {options_.free_bias_px, options_.contact_bias_px, options_.round_bias_px,
-                      options_.limb_bias_px};
+                      options_.limb_bias_px, options_.shadowed_bias_px};
     Adjustment a(views_, std::move(parts), MakeCameras(views_, priors), MakeStops(views_), adjust);
     constexpr int kRounds = 4, kSteps = 4;
     const auto search_of = [&](int round) {
@@ -348,6 +348,7 @@ class Reconstructor {
     for (auto& g : a.groups) {
       if (g.edge_class == ContourClass::kLimb) continue;
       const bool contact = votes[{g.part, g.contour}] > 0;
+      if (!contact && g.edge_class == ContourClass::kShadowed) continue;
       const bool straight = g.observations[0].sample.source == ContourSample::Source::kEdge;
       g.edge_class = contact ? ContourClass::kContact : straight ? ContourClass::kFree : ContourClass::kRound;
     }
@@ -432,8 +433,8 @@ class Reconstructor {
   }
 
   // A dimension that left the knowledge base's range, or went further than its edge was searched for in the
-  // grey values from where it was drawn to and from where identification had it, was captured by another edge:
-  // its own is not seen. It is held at what is usual, and its part starts anew. True where one was.
+  // grey values from where it was drawn to and from where identification had it, was captured by another
+  // edge: its own is not seen. It is held at what is usual, and its part starts anew. True where one was.
   bool HoldCaptured(Adjustment& a) {
     captured_.resize(a.parts.size());
     bool any = false;
@@ -649,6 +650,8 @@ std::span<const ParameterOf<ReconstructOptions>> ReconstructParameters() {
       {"reconstruct.limb_bias_px", &O::limb_bias_px, 1e-4, 10, "px",
        "How far the outline of a cylinder may be pulled inwards, where its surface turns away from the "
        "light."},
+      {"reconstruct.shadowed_bias_px", &O::shadowed_bias_px, 1e-4, 10, "px",
+       "How far the shadow behind a low, dark part may pull its outline in all pictures that see it so."},
       {"reconstruct.tilt_sigma_deg", &O::tilt_sigma_deg, 0.01, 10, "deg",
        "How far parts lean, where they do."},
       {"reconstruct.allow_tilt", &O::allow_tilt, 0, 1, "", "Let a part lean where the pictures demand it."},
