@@ -70,6 +70,8 @@ struct AdjustedPart {
 };
 inline constexpr int kLoose = -2;
 
+inline constexpr int kPlaceSize = 6;  // rotation and centre of a camera
+
 // A camera that hangs on the carriage or stands still, or one hand-held picture. Unknowns: rotation (rad,
 // cam, exp(w) R), shift of the centre (mm, world), then intrinsics fx fy cx cy and distortion where
 // `num_intrinsics` > 0.
