@@ -11,6 +11,7 @@
 #include "vss/reconstruct/coarse_fit.h"
 #include "vss/reconstruct/findings.h"
 #include "vss/reconstruct/measure_view.h"
+#include "vss/reconstruct/moved_cameras.h"
 #include "vss/reconstruct/observability.h"
 
 namespace vss {
@@ -30,7 +31,6 @@ constexpr double kObservableGain =
     30;  // a dimension is observed where the pictures know it 30 times better than its range
 constexpr double kMinTiltRad = 0.003;    // a part that leans less stands straight
 constexpr double kTiltChiSquare = 18.4;  // two degrees of freedom, 1 in 10000
-constexpr double kMovedChiSquare = 3.7;  // per degree of freedom of six: 1 in 1000
 constexpr double kReconsiderPx = 1.2;    // an edge is looked for that far from where a dimension has it
 
 double Median(std::vector<double> v, double otherwise) {
@@ -119,7 +119,7 @@ class Reconstructor {
         FixUnobservable(a);
       }
     }
-    ReleaseMovedCameras(a);
+    significance_ = ReleaseMovedCameras(a);
     SettlePriors(a);
     a.Solve(kSteps, true);
     a.ComputeCovariance();
@@ -379,59 +379,6 @@ class Reconstructor {
     a.ComputeCovariance();
   }
 
-  // Chi-square per degree of freedom of a camera's correction against its prior as declared: under it the
-  // correction has the covariance prior - posterior.
-  static double Significance(const Adjustment& a, std::size_t c) {
-    const auto& camera = a.cameras[c];
-    const MatrixXd& prior = camera.prior_covariance;
-    const VectorXd unit = prior.diagonal().cwiseSqrt().cwiseInverse();
-    const MatrixXd gained =
-        unit.asDiagonal() * (prior - a.CameraCovariance(static_cast<int>(c))) * unit.asDiagonal();
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(0.5 * (gained + gained.transpose()));
-    const VectorXd x = eigen.eigenvectors().transpose() * unit.cwiseProduct(camera.value);
-    double sum = 0;
-    int n = 0;
-    constexpr double kDetermined = 0.2;  // directions of which the pictures say little tell nothing
-    for (Eigen::Index i = 0; i < x.size(); ++i)
-      if (eigen.eigenvalues()[i] > kDetermined) sum += x[i] * x[i] / eigen.eigenvalues()[i], ++n;
-    return n > 0 ? sum / n : 0;
-  }
-
-  // How much larger than declared the corrections of all cameras without calibration's word are, by the
-  // smaller half of them: one that was knocked does not raise it.
-  double CommonSignificance(const Adjustment& a) const {
-    std::vector<double> chi;
-    for (std::size_t c = 0; c < a.cameras.size(); ++c)
-      if (!a.cameras[c].prior_from_calibration) chi.push_back(significance_[c]);
-    if (chi.empty()) return 1;
-    const auto middle = chi.begin() + static_cast<std::ptrdiff_t>((chi.size() - 1) / 2);
-    std::nth_element(chi.begin(), middle, chi.end());
-    return std::max(1.0, *middle);
-  }
-
-  // The camera that least fits its prior is let go, before the priors' scale takes its move for ordinary;
-  // then the others are looked at again.
-  void ReleaseMovedCameras(Adjustment& a) {
-    if (!options_.adjust_cameras) return;
-    significance_.assign(a.cameras.size(), 0);
-    for (std::size_t rounds = 0; rounds < a.cameras.size(); ++rounds) {
-      a.ComputeCovariance();
-      for (std::size_t c = 0; c < a.cameras.size(); ++c)
-        if (!a.cameras[c].loosened) significance_[c] = Significance(a, c);
-      const double common = CommonSignificance(a);
-      std::size_t worst = a.cameras.size();
-      double most = kMovedChiSquare;
-      for (std::size_t c = 0; c < a.cameras.size(); ++c) {
-        const double relative = significance_[c] / (a.cameras[c].prior_from_calibration ? 1 : common);
-        if (!a.cameras[c].loosened && relative > most) worst = c, most = relative;
-      }
-      if (worst == a.cameras.size()) return;
-      a.cameras[worst].loosened = true;
-      constexpr int kSteps = 3;
-      a.Solve(kSteps, true);
-    }
-  }
-
   // A dimension that left the knowledge base's range, or went further than its edge was searched for in the
   // grey values from where it was drawn to and from where identification had it, was captured by another
   // edge: its own is not seen. It is held at what is usual, and its part starts anew. True where one was.
@@ -615,51 +562,6 @@ class Reconstructor {
 };
 
 }  // namespace
-
-std::span<const ParameterOf<ReconstructOptions>> ReconstructParameters() {
-  using O = ReconstructOptions;
-  static const ParameterOf<O> rows[] = {
-      {"reconstruct.draw_to_lines", &O::draw_to_lines, 0, 1, "",
-       "Draw the parts to the lines first; not needed where they lie within reconstruct.search_px already."},
-      {"reconstruct.search_px", &O::search_px, 0.5, 20, "px",
-       "How far from its predicted place an edge is looked for in the first round."},
-      {"reconstruct.piece_length_px", &O::piece_length_px, 4, 64, "px",
-       "Length of the pieces of contour that are measured one by one, for a lens blur of one pixel or less."},
-      {"reconstruct.adjust_cameras", &O::adjust_cameras, 0, 1, "",
-       "Adjust cameras and gantry stops jointly with the parts, under their priors."},
-      {"reconstruct.camera_rotation_sigma_mrad", &O::camera_rotation_sigma_mrad, 1e-4, 100, "mrad",
-       "How well a carried camera's direction is known where its file does not say."},
-      {"reconstruct.camera_position_sigma_mm", &O::camera_position_sigma_mm, 1e-4, 100, "mm",
-       "How well a carried camera's place is known where its file does not say."},
-      {"reconstruct.picture_rotation_sigma_mrad", &O::picture_rotation_sigma_mrad, 1e-4, 100, "mrad",
-       "How well the direction of a hand-held or robot-held picture is known."},
-      {"reconstruct.picture_position_sigma_mm", &O::picture_position_sigma_mm, 1e-4, 100, "mm",
-       "How well the place of a hand-held or robot-held picture is known."},
-      {"reconstruct.stop_sigma_mm", &O::stop_sigma_mm, 1e-4, 100, "mm",
-       "How well the carriage stops where the survey says it does."},
-      {"reconstruct.ground_sigma_mm", &O::ground_sigma_mm, 1e-3, 100, "mm",
-       "How flat the ground is, and how well it is z = 0."},
-      {"reconstruct.contact_sigma_mm", &O::contact_sigma_mm, 1e-3, 100, "mm",
-       "How closely a part lies on the one that it stands on."},
-      {"reconstruct.free_bias_px", &O::free_bias_px, 1e-4, 10, "px",
-       "How far chamfers and the like may pull a free edge alike in all pictures."},
-      {"reconstruct.contact_bias_px", &O::contact_bias_px, 1e-4, 10, "px",
-       "How far a contact shadow or a weld may pull an edge that lies on something alike in all pictures."},
-      {"reconstruct.round_bias_px", &O::round_bias_px, 1e-4, 10, "px",
-       "How far shading may pull a rim alike in all pictures."},
-      {"reconstruct.limb_bias_px", &O::limb_bias_px, 1e-4, 10, "px",
-       "How far the outline of a cylinder may be pulled inwards, where its surface turns away from the "
-       "light."},
-      {"reconstruct.shadowed_bias_px", &O::shadowed_bias_px, 1e-4, 10, "px",
-       "How far the shadow behind a low, dark part may pull its outline in all pictures that see it so."},
-      {"reconstruct.tilt_sigma_deg", &O::tilt_sigma_deg, 0.01, 10, "deg",
-       "How far parts lean, where they do."},
-      {"reconstruct.allow_tilt", &O::allow_tilt, 0, 1, "", "Let a part lean where the pictures demand it."},
-      {"reconstruct.full_covariance", &O::full_covariance, 0, 1, "",
-       "Write the covariance of every vertex, and the correlations, into product.json."},
-  };
-  return rows;
-}
 
 Result<Reconstruction> ReconstructScene(std::span<const View> views, std::span<const GreyView> pictures,
                                         std::span<const IdentifiedPart> parts,
