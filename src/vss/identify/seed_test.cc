@@ -1,4 +1,4 @@
-#include "vss/identify/hypothesis.h"
+#include "vss/identify/seed.h"
 
 #include <gtest/gtest.h>
 
