@@ -19,8 +19,6 @@ bool RestsOn(const PlacedObject& object, const Volume& volume, const Volume& bel
   return below.Contains(foot);
 }
 
-bool HasEdges(const SceneItem& item) { return !item.Solid().edges.empty(); }
-
 }  // namespace
 
 bool SameFrame(const Eigen::AlignedBox3d& a, const Eigen::AlignedBox3d& b) {
@@ -38,7 +36,11 @@ std::pair<double, double> Extent(const SceneItem& item, const Vector3d& directio
 
 void SceneItems::Keep(Hypothesis h, int support) {
   SceneItem item;
-  item.volume = MakeVolume(PlaceSolid(h.object, false));
+  WorldSolid solid = PlaceSolid(h.object, false);
+  item.volume = MakeVolume(solid);
+  item.has_edges = !solid.edges.empty();
+  item.circles = std::move(solid.circles);
+  item.serial = num_kept_++;
   item.kind = h.object.model->kind();
   item.top_mm = item.volume.box.max().z();
   item.support_item = support;
@@ -64,14 +66,11 @@ void SceneItems::Keep(Hypothesis h, int support) {
 void SceneItems::Replace(SceneItem& old, SceneItem item) {
   changed_ = true;
   old = std::move(item);
-  conflicts_.clear();
-  flush_.clear();
-  reseated_.clear();
 }
 
 bool SceneItems::Conflicts(int a, int b) {
   if (a > b) std::swap(a, b);
-  const auto key = std::pair(a, b);
+  const auto key = std::pair((*this)[a].serial, (*this)[b].serial);
   const auto it = conflicts_.find(key);
   if (it != conflicts_.end()) return it->second;
   const bool is =
@@ -85,10 +84,9 @@ bool SceneItems::Conflicts(int a, int b) {
 bool SceneItems::ShareRim(int a, int b) const {
   constexpr double kSamePx = 1.5, kOfOnePartPx = 5;
   if (!(*this)[a].volume.box.intersects((*this)[b].volume.box)) return false;
-  const WorldSolid one = (*this)[a].Solid(), other = (*this)[b].Solid();
   const bool one_kind = (*this)[a].kind == (*this)[b].kind;
-  for (const auto& c : one.circles)
-    for (const auto& d : other.circles)
+  for (const auto& c : (*this)[a].circles)
+    for (const auto& d : (*this)[b].circles)
       if ((c.center.point - d.center.point).norm() + std::abs(c.radius_mm - d.radius_mm) <
           (one_kind ? kOfOnePartPx : kSamePx) * mm_per_px_)
         return true;
@@ -96,15 +94,16 @@ bool SceneItems::ShareRim(int a, int b) const {
 }
 
 bool SceneItems::Flush(int a, int b) {
-  const auto key = std::minmax(a, b);
+  if (a > b) std::swap(a, b);
+  const auto key = std::pair((*this)[a].serial, (*this)[b].serial);
   const auto it = flush_.find(key);
   if (it != flush_.end()) return it->second;
-  return flush_[key] = AreFlush((*this)[key.first], (*this)[key.second]);
+  return flush_[key] = AreFlush((*this)[a], (*this)[b]);
 }
 
 bool SceneItems::AreFlush(const SceneItem& a, const SceneItem& b) const {
   const double near = kFlushPx * mm_per_px_;
-  if (a.support_item != b.support_item || !HasEdges(a) || !HasEdges(b)) return false;
+  if (a.support_item != b.support_item || !a.has_edges || !b.has_edges) return false;
   const double turn = std::remainder(a.h.object.placement[3] - b.h.object.placement[3], kPi / 2);
   if (std::abs(turn) > kFlushRad) return false;
   const double yaw = a.h.object.placement[3];

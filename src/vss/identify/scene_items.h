@@ -16,9 +16,12 @@ namespace vss {
 struct SceneItem {
   Hypothesis h;
   Volume volume;
+  std::vector<WorldSolid::Circle> circles;
+  bool has_edges = false;
   std::string kind;
   int support_item = -1;  // index into the items; -1: ground
   double top_mm = 0;
+  int serial = 0;      // no two hypotheses kept have the same, though one take the other's place
   int candidate = -1;  // of the ledger
   double alone = NAN;  // log-odds before the choice; 0: it stands nowhere
   int inside = 0;      // edges of the world that run inside it, see SceneChoice
@@ -61,7 +64,9 @@ class SceneItems {
   // On how many supports the item stands, one on the other.
   int Level(int i) const;
   // Marks that `above` is tried on the plate `below`; false where it was before.
-  bool TryOn(int above, int below) { return reseated_.insert({above, below}).second; }
+  bool TryOn(int above, int below) {
+    return reseated_.insert({(*this)[above].serial, (*this)[below].serial}).second;
+  }
 
  private:
   bool ShareRim(int a, int b) const;
@@ -72,8 +77,9 @@ class SceneItems {
   double mm_per_px_;
   std::vector<SceneItem> items_;
   bool changed_ = false;
-  std::map<std::pair<int, int>, bool> conflicts_, flush_;  // of items, by index
+  std::map<std::pair<int, int>, bool> conflicts_, flush_;  // of items, by serial number
   std::set<std::pair<int, int>> reseated_;                 // items tried on plates: what, on what
+  int num_kept_ = 0;
 };
 
 }  // namespace vss
