@@ -311,7 +311,9 @@ void Occluders::Facing(const Vector3d& eye, std::vector<const std::array<Vector3
 
 std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& view,
                                          const ContourSampling& sampling, const Occluders* others) {
+  constexpr std::size_t kUsual = 6;  // samples of a contour that shows
   Sampler sampler(solid, view, sampling, others);
+  sampler.samples.reserve(kUsual * (solid.edges.size() + solid.circles.size()));
   sampler.Edges();
   sampler.Circles();
   sampler.Limbs();

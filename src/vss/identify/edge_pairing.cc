@@ -32,6 +32,22 @@ std::vector<int> Longest(const LineIndex& index, double min_length_px) {
   return segments;
 }
 
+int LeastViews(const EdgeCandidate& c) { return c.kind == Direction::kInclined ? 3 : 2; }
+
+constexpr double kPerStop = 0.5, kPerPx = 1e-4, kMostPx = 2000;
+
+// Horizontal and vertical explain more with less: one witness more.
+double Score(const EdgeCandidate& c) {
+  return c.num_views + kPerStop * c.num_stops + (c.kind == Direction::kInclined ? 0 : 1) +
+         kPerPx * std::min(c.support_px, kMostPx);
+}
+
+// What a candidate that `views` pictures show scores at most.
+double MostScore(int views, const EdgeCandidate& c) {
+  constexpr double kRounded = 1e-6;
+  return views + kPerStop * views + (c.kind == Direction::kInclined ? 0 : 1) + kPerPx * kMostPx + kRounded;
+}
+
 }  // namespace
 
 EdgePairing::EdgePairing(const EdgeFitter& fitter, std::span<const LineIndex> indices) : fitter_(fitter) {
@@ -140,24 +156,38 @@ std::optional<EdgeCandidate> EdgePairing::Best(int i, int line,
       if (!done[m] && candidates[m].kind == c.kind && SameDepth(fitter_.ViewOf(i), c, candidates[m]))
         done[m] = true;
     c.support = {{i, line}};
-    for (const int v : fitter_.Together(i)) {
-      std::vector<LineRef> found;
-      fitter_.Collinear(v, c.start, c.end, found);
-      for (const LineRef& r : found)
-        if (Beside(fitter_.ViewOf(v), fitter_.LineOf(r), c.start, c.end)) c.support.push_back(r);
-    }
+    if (!FindSupport(c, best_score)) continue;
     fitter_.Count(c);
-    const int needed = c.kind == Direction::kInclined ? 3 : 2;
-    if (c.num_views < needed) continue;
-    // Horizontal and vertical explain more with less: one witness more.
-    const double score = c.num_views + 0.5 * c.num_stops + (c.kind == Direction::kInclined ? 0 : 1) +
-                         1e-4 * std::min(c.support_px, 2000.0);
+    if (c.num_views < LeastViews(c)) continue;
+    const double score = Score(c);
     if (score > best_score) {
       best_score = score;
       best = c;
     }
   }
   return best;
+}
+
+// Adds the lines of all other pictures that lie beside the candidate's first; false, and not all of them,
+// where so few show it that it is no edge, or scores no more than `least_score`.
+bool EdgePairing::FindSupport(EdgeCandidate& c, double least_score) const {
+  std::vector<int> lookers;
+  for (const int v : fitter_.Together(c.support[0].view))
+    if (!fitter_.ViewOf(v).SurelyMisses(c.start, c.end)) lookers.push_back(v);
+  int views = 1;  // that show it
+  for (std::size_t n = 0; n < lookers.size(); ++n) {
+    // Each picture that is left may show it, from a stop of its own.
+    const int most = views + int(lookers.size() - n);
+    if (most < LeastViews(c) || MostScore(most, c) <= least_score) return false;
+    const int v = lookers[n];
+    const std::size_t before = c.support.size();
+    std::vector<LineRef> found;
+    fitter_.Collinear(v, c.start, c.end, found);
+    for (const LineRef& r : found)
+      if (Beside(fitter_.ViewOf(v), fitter_.LineOf(r), c.start, c.end)) c.support.push_back(r);
+    views += c.support.size() > before;
+  }
+  return true;
 }
 
 bool EdgePairing::SameDepth(const View& view, const EdgeCandidate& a, const EdgeCandidate& b) const {

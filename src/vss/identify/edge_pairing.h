@@ -25,6 +25,7 @@ class EdgePairing {
               std::vector<EdgeCandidate>& out) const;
   bool Place(const View& va, const ViewLine& a, const View& vb, const ViewLine& b, EdgeCandidate& c) const;
   std::optional<EdgeCandidate> Best(int i, int line, std::vector<EdgeCandidate>& candidates) const;
+  bool FindSupport(EdgeCandidate& c, double least_score) const;
   bool Beside(const View& view, const ViewLine& l, const Eigen::Vector3d& start,
               const Eigen::Vector3d& end) const;
   bool SameDepth(const View& view, const EdgeCandidate& a, const EdgeCandidate& b) const;

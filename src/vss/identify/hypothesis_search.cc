@@ -104,11 +104,12 @@ class Search {
   }
 
   void Seed() {
+    const auto pairs = ParallelPairs(context_, FarthestPairMm(data_.templates));
     ParallelFor(data_.templates.size(), data_.threads, [&](std::size_t i) {
       const KindTemplate& t = data_.templates[i];
       // How a part lies less often is asked only of lines that nothing else explains.
       if (!t.model->MayStandOn(on_) || (t.resting_pose > 0 && known_.claims.empty())) return;
-      auto seeds = Seeds(t, context_, support_z_);
+      auto seeds = Seeds(t, context_, pairs, support_z_);
       std::move(seeds.begin(), seeds.end(), std::back_inserter(by_template_[i]));
     });
   }

@@ -114,9 +114,10 @@ void PlateJoiner::Join(int a, int b, int between) {
   const int support = data_.items[a].support_item;
   const PlacedObject half = data_.items[a].h.object;
   const Vector3d first = data_.items[a].volume.box.center(), second = data_.items[b].volume.box.center();
+  const auto pairs = ParallelPairs(context, FarthestPairMm(data_.templates));
   for (const auto& t : data_.templates) {
     if (t.model != half.model || t.resting_pose != half.resting_pose) continue;
-    for (const auto& seed : Promising(Seeds(t, context, half.placement[2]), context, data_.threads))
+    for (const auto& seed : Promising(Seeds(t, context, pairs, half.placement[2]), context, data_.threads))
       for (const auto& completion : Complete(t, context, seed)) {
         Hypothesis h = Finish(context, completion);
         if (h.log_odds < data_.options.accept_log_odds) continue;

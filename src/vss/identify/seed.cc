@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "vss/identify/seed_fit.h"
 
@@ -20,11 +21,25 @@ constexpr double kMaxSlantSkew = 0.07;
 // Ends of two parallel edges that differ by more pixels than this are two candidates for the end.
 constexpr double kEndTolerancePx = 4;
 
+// Parallel and beside each other?
+bool MayPair(const WorldLine& a, const WorldLine& b) {
+  if (a.kind == WorldLine::Direction::kVertical || b.kind == WorldLine::Direction::kVertical) return false;
+  if (a.start == a.end || b.start == b.end) return false;
+  const Vector3d u = a.Unit();
+  const bool slanted = a.kind == WorldLine::Direction::kInclined && b.kind == WorldLine::Direction::kInclined;
+  if (u.cross(b.Unit()).norm() > (slanted ? kMaxSlantSkew : kMaxSkew)) return false;
+  double lo = (b.start - a.start).dot(u), hi = (b.end - a.start).dot(u);
+  if (lo > hi) std::swap(lo, hi);
+  return std::min(hi, a.Length()) - std::max(lo, 0.0) > 0.3 * std::min(hi - lo, a.Length());
+}
+
 class Seeder {
  public:
-  Seeder(const KindTemplate& kind, const SeedContext& context, double support_z)
+  Seeder(const KindTemplate& kind, const SeedContext& context, std::span<const LinePair> pairs,
+         double support_z)
       : kind_(kind),
         context_(context),
+        pairs_(pairs),
         support_z_(support_z),
         usual_(UsualObject(*kind.model, kind.resting_pose)) {
     usual_.placement[2] = support_z;
@@ -41,29 +56,12 @@ class Seeder {
  private:
   void FromPairs() {
     const auto lines = context_.lines;
-    const int least =
-        context_.scene.views.size() > 1 ? 5 : 2;  // two pictures agree on many a line of texture
-    for (std::size_t i = 0; i < lines.size(); ++i) {
-      for (std::size_t k = 0; k < lines.size(); ++k) {
-        if (i == k || lines[i].num_views + lines[k].num_views < least || !MayPair(lines[i], lines[k]))
-          continue;
-        first_line_ = int(i);
-        second_line_ = int(k);
-        for (const auto& pair : kind_.pairs) FromPair(pair, lines[i], lines[k]);
-      }
+    for (const auto& [i, k] : pairs_) {
+      first_line_ = i;
+      second_line_ = k;
+      sides_.clear();
+      for (const auto& pair : kind_.pairs) FromPair(pair, lines[std::size_t(i)], lines[std::size_t(k)]);
     }
-  }
-
-  static bool MayPair(const WorldLine& a, const WorldLine& b) {
-    if (a.kind == WorldLine::Direction::kVertical || b.kind == WorldLine::Direction::kVertical) return false;
-    if (a.start == a.end || b.start == b.end) return false;
-    const Vector3d u = a.Unit();
-    const bool slanted =
-        a.kind == WorldLine::Direction::kInclined && b.kind == WorldLine::Direction::kInclined;
-    if (u.cross(b.Unit()).norm() > (slanted ? kMaxSlantSkew : kMaxSkew)) return false;
-    double lo = (b.start - a.start).dot(u), hi = (b.end - a.start).dot(u);
-    if (lo > hi) std::swap(lo, hi);
-    return std::min(hi, a.Length()) - std::max(lo, 0.0) > 0.3 * std::min(hi - lo, a.Length());
   }
 
   // Do the dimensions' ranges allow the level lines' distance and height?
@@ -214,33 +212,47 @@ class Seeder {
   // The face's two other sides, between the ends of its long ones: where they are long enough to be found and
   // lie in some picture, lines must lie on at least one of them, and on a part of the other unless it is
   // hidden.
-  bool EndsSeen(const EdgeTarget& a, const EdgeTarget& b) const {
-    constexpr double kMinLengthPx = 16, kMinShare = 0.25;
-    constexpr int kSteps = 6;
+  bool EndsSeen(const EdgeTarget& a, const EdgeTarget& b) {
+    constexpr double kMinShare = 0.25;
     double best = 0;
     bool asked = false;
-    for (int end = 0; end < 2; ++end) {
-      const Vector3d p = a.point + (end ? a.hi : a.lo) * a.unit, q = b.point + (end ? b.hi : b.lo) * b.unit;
-      if ((q - p).norm() < kMinLengthPx * context_.mm_per_px) continue;
-      int inside = 0, found = 0;
-      for (std::size_t v = 0; v < context_.scene.views.size(); ++v) {
-        const View& view = context_.scene.views[v];
-        for (int k = 0; k < kSteps; ++k) {
-          const Vector3d x = p + (q - p) * ((k + 0.5) / kSteps);
-          if (!view.Shows(x)) continue;
-          const auto here = view.ProjectIdeal(x), ahead = view.ProjectIdeal(x + (q - p) * 1e-3);
-          if (!here || !ahead) continue;
-          ++inside;
-          found += context_.scene.lines[v]
-                       .Nearest(*here, (*ahead - *here).normalized(), 2 * context_.scene.tolerance_px, 0.99)
-                       .line >= 0;
-        }
-      }
-      if (inside < kSteps) continue;  // never in a picture: nothing can be said
+    for (const auto& [mine, other] : {std::pair(a.lo, b.lo), std::pair(a.hi, b.hi)}) {
+      // Kinds of pairs and ways round ask the same of two lines over and over.
+      const double at = mine;
+      auto known = std::find_if(sides_.begin(), sides_.end(), [&](const Side& s) { return s.at == at; });
+      if (known == sides_.end())
+        known =
+            sides_.insert(sides_.end(), {at, ShareSeen(a.point + mine * a.unit, b.point + other * b.unit)});
+      if (!known->share) continue;
       asked = true;
-      best = std::max(best, double(found) / inside);
+      best = std::max(best, *known->share);
     }
     return !asked || best >= kMinShare;
+  }
+
+  // On what share of the points between p and q that pictures show a line lies; empty where they are too near
+  // to each other, or in no picture, to say.
+  std::optional<double> ShareSeen(const Vector3d& p, const Vector3d& q) const {
+    constexpr double kMinLengthPx = 16;
+    constexpr int kSteps = 6;
+    if ((q - p).norm() < kMinLengthPx * context_.mm_per_px) return std::nullopt;
+    int inside = 0, found = 0;
+    for (std::size_t v = 0; v < context_.scene.views.size(); ++v) {
+      const View& view = context_.scene.views[v];
+      if (view.SurelyMisses(p, q)) continue;
+      for (int k = 0; k < kSteps; ++k) {
+        const Vector3d x = p + (q - p) * ((k + 0.5) / kSteps);
+        if (!view.Shows(x)) continue;
+        const auto here = view.ProjectIdeal(x), ahead = view.ProjectIdeal(x + (q - p) * 1e-3);
+        if (!here || !ahead) continue;
+        ++inside;
+        found += context_.scene.lines[v]
+                     .Nearest(*here, (*ahead - *here).normalized(), 2 * context_.scene.tolerance_px, 0.99)
+                     .line >= 0;
+      }
+    }
+    if (inside < kSteps) return std::nullopt;
+    return double(found) / inside;
   }
 
   // Slanted and vertical lines in one upright plane.
@@ -314,17 +326,52 @@ class Seeder {
 
   const KindTemplate& kind_;
   const SeedContext& context_;
+  std::span<const LinePair> pairs_;
   double support_z_;
   PlacedObject usual_;
   WorldSolid usual_solid_;
   std::vector<Hypothesis> seeds_;
   int first_line_ = -1, second_line_ = -1;  // of the seed at hand
+  struct Side {
+    double at;                    // along the first line, mm
+    std::optional<double> share;  // ShareSeen() there
+  };
+  std::vector<Side> sides_;  // of the two lines at hand
 };
 
 }  // namespace
 
-std::vector<Hypothesis> Seeds(const KindTemplate& kind, const SeedContext& context, double support_z_mm) {
-  return Seeder(kind, context, support_z_mm).Seeds();
+double FarthestPairMm(std::span<const KindTemplate> kinds) {
+  double farthest = 0;
+  for (const auto& kind : kinds)
+    for (const auto& pair : kind.pairs)
+      farthest = std::max({farthest, std::abs(pair.left.min().x()), std::abs(pair.left.max().x())});
+  return farthest;
+}
+
+std::vector<LinePair> ParallelPairs(const SeedContext& context, double farthest_mm) {
+  const auto lines = context.lines;
+  const int least = context.scene.views.size() > 1 ? 5 : 2;  // two pictures agree on many a line of texture
+  // As MayFit() allows, and more than what that is rounded by.
+  const double most_mm = farthest_mm + 2 * kSeedTolerancePx * context.mm_per_px + 1;
+  std::vector<LinePair> pairs;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    const bool level = lines[i].kind == WorldLine::Direction::kHorizontal && lines[i].start != lines[i].end;
+    const Vector3d middle = (lines[i].start + lines[i].end) / 2;
+    const Vector2d u = level ? Vector2d(lines[i].Unit().head<2>().normalized()) : Vector2d::Zero();
+    for (std::size_t k = 0; k < lines.size(); ++k) {
+      if (i == k || lines[i].num_views + lines[k].num_views < least) continue;
+      const Vector3d offset = (lines[k].start + lines[k].end) / 2 - middle;
+      if (std::abs(u.x() * offset.y() - u.y() * offset.x()) > most_mm) continue;
+      if (MayPair(lines[i], lines[k])) pairs.push_back({int(i), int(k)});
+    }
+  }
+  return pairs;
+}
+
+std::vector<Hypothesis> Seeds(const KindTemplate& kind, const SeedContext& context,
+                              std::span<const LinePair> pairs, double support_z_mm) {
+  return Seeder(kind, context, pairs, support_z_mm).Seeds();
 }
 
 double RoughScore(const Hypothesis& seed, const SeedContext& context) {
