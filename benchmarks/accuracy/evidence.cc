@@ -18,6 +18,7 @@
 #include "accuracy/true_objects.h"
 #include "vss/base/files.h"
 #include "vss/identify/edge_response.h"
+#include "vss/identify/found_contours.h"
 #include "vss/identify/scene.h"
 #include "vss/identify/weigh.h"
 #include "vss/survey/run_survey.h"

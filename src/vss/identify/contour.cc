@@ -311,7 +311,9 @@ void Occluders::Facing(const Vector3d& eye, std::vector<const std::array<Vector3
 
 std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& view,
                                          const ContourSampling& sampling, const Occluders* others) {
+  constexpr std::size_t kUsual = 6;  // samples of a contour that shows
   Sampler sampler(solid, view, sampling, others);
+  sampler.samples.reserve(kUsual * (solid.edges.size() + solid.circles.size()));
   sampler.Edges();
   sampler.Circles();
   sampler.Limbs();
@@ -363,6 +365,36 @@ Eigen::Matrix3Xd SampleByState(const WorldSolid& solid, const ContourSample& s) 
   const Vector3d out = (s.point_in_world - axis_point).normalized();
   return (1 - s.t) * (rims[0]->center.by_state + out * rims[0]->radius_by_state) +
          s.t * (rims[1]->center.by_state + out * rims[1]->radius_by_state);
+}
+
+std::vector<int> ViewsThatSee(const WorldSolid& solid, std::span<const View> views, int most) {
+  std::vector<Vector3d> points;
+  for (const auto& v : solid.vertices) points.push_back(v.point);
+  for (const auto& e : solid.edges)
+    for (double t : {0.25, 0.5, 0.75})
+      points.push_back((1 - t) * solid.vertices[std::size_t(e.start)].point +
+                       t * solid.vertices[std::size_t(e.end)].point);
+  for (const auto& c : solid.circles)
+    for (int k = 0; k < 8; ++k)
+      points.push_back(c.center.point +
+                       c.radius_mm * (c.axis_u * std::cos(k * kPi / 4) + c.axis_v * std::sin(k * kPi / 4)));
+  std::vector<std::pair<double, int>> seen;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    int inside = 0;
+    double size = 0;
+    for (const auto& p : points) {
+      if (!views[i].Shows(p)) continue;
+      ++inside;
+      size += views[i].camera->intrinsics.fx_px / (p - views[i].center_in_world).norm();
+    }
+    if (inside > 0) seen.push_back({-size, static_cast<int>(i)});
+  }
+  std::sort(seen.begin(), seen.end());
+  if (static_cast<int>(seen.size()) > most) seen.resize(static_cast<std::size_t>(most));
+  std::vector<int> out;
+  for (const auto& s : seen) out.push_back(s.second);
+  std::sort(out.begin(), out.end());
+  return out;
 }
 
 }  // namespace vss

@@ -73,6 +73,9 @@ std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& vi
 std::vector<bool> HiddenBy(const View& view, const Occluders& others,
                            std::span<const Eigen::Vector3d> points_in_world, double touch_mm = 0.5);
 
+// The views that see the object, those that show it largest first, at most `most`.
+std::vector<int> ViewsThatSee(const WorldSolid& solid, std::span<const View> views, int most);
+
 // d point / d state of a sample (3 x StateSize) as a material point of its edge, rim or limb.
 Eigen::Matrix3Xd SampleByState(const WorldSolid& solid, const ContourSample& sample);
 

@@ -1,29 +1,60 @@
 #include "vss/identify/overlap.h"
 
+#include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace vss {
 
 using Eigen::Vector3d;
 
+namespace {
+
+// Of the ray upwards: a little off the vertical, so that it runs along no wall.
+Vector3d Upward() { return Vector3d(0.0123, 0.0071, 1).normalized(); }
+
+// A point as seen along that ray.
+Eigen::Vector2d AlongRay(const Vector3d& p, const Vector3d& d) {
+  return {p.x() - d.x() / d.z() * p.z(), p.y() - d.y() / d.z() * p.z()};
+}
+
+std::optional<Volume::Crossing> CrossingOf(const std::array<Vector3d, 3>& t) {
+  constexpr double kSlack = 1e-6;  // mm and share of the coordinates: more than they are rounded by
+  const Vector3d d = Upward();
+  Volume::Crossing c;
+  c.corner = t[0];
+  c.edge1 = t[1] - t[0];
+  c.edge2 = t[2] - t[0];
+  c.across = d.cross(c.edge2);
+  c.det = c.edge1.dot(c.across);
+  if (std::abs(c.det) < 1e-12) return std::nullopt;
+  const Eigen::Vector2d p = AlongRay(t[0], d), q = AlongRay(t[1], d), r = AlongRay(t[2], d);
+  c.lo = p.cwiseMin(q).cwiseMin(r);
+  c.hi = p.cwiseMax(q).cwiseMax(r);
+  const double slack = kSlack * (1 + std::max(c.lo.cwiseAbs().maxCoeff(), c.hi.cwiseAbs().maxCoeff()));
+  c.lo.array() -= slack;
+  c.hi.array() += slack;
+  return c;
+}
+
+}  // namespace
+
 bool Volume::Contains(const Vector3d& p) const {
+  static const Vector3d d = Upward();
   if (!box.contains(p)) return false;
-  // Crossings of the ray upwards (a direction a little off the vertical, so that it runs along no wall).
-  const Vector3d d = Vector3d(0.0123, 0.0071, 1).normalized();
-  int crossings = 0;
-  for (const auto& t : triangles) {
-    const Vector3d e1 = t[1] - t[0], e2 = t[2] - t[0], h = d.cross(e2);
-    const double det = e1.dot(h);
-    if (std::abs(det) < 1e-12) continue;
-    const Vector3d s = p - t[0];
-    const double u = s.dot(h) / det;
+  const Eigen::Vector2d seen = AlongRay(p, d);
+  int num = 0;
+  for (const auto& c : crossings) {
+    if (seen.x() < c.lo.x() || seen.x() > c.hi.x() || seen.y() < c.lo.y() || seen.y() > c.hi.y()) continue;
+    const Vector3d s = p - c.corner;
+    const double u = s.dot(c.across) / c.det;
     if (u < 0 || u > 1) continue;
-    const Vector3d q = s.cross(e1);
-    const double v = d.dot(q) / det;
+    const Vector3d q = s.cross(c.edge1);
+    const double v = d.dot(q) / c.det;
     if (v < 0 || u + v > 1) continue;
-    if (e2.dot(q) / det > 0) ++crossings;
+    if (c.edge2.dot(q) / c.det > 0) ++num;
   }
-  return crossings % 2 == 1;
+  return num % 2 == 1;
 }
 
 Volume MakeVolume(const WorldSolid& solid) {
@@ -32,6 +63,7 @@ Volume MakeVolume(const WorldSolid& solid) {
   for (const auto& f : solid.faces)
     for (const auto& t : f.triangles) {
       volume.triangles.push_back(t);
+      if (const auto crossing = CrossingOf(t)) volume.crossings.push_back(*crossing);
       for (const auto& v : t) volume.box.extend(v);
       volume.mm3 += t[0].dot(t[1].cross(t[2])) / 6;
       area += (t[1] - t[0]).cross(t[2] - t[0]).norm() / 2;
@@ -61,9 +93,13 @@ double SharedVolume(const Volume& a, const Volume& b, double touch_mm) {
     }
     return share;
   };
+  static const std::vector<Vector3d> shares = [&] {
+    std::vector<Vector3d> points;
+    for (int i = 1; i <= kPoints; ++i) points.emplace_back(halton(i, 2), halton(i, 3), halton(i, 5));
+    return points;
+  }();
   int inside = 0;
-  for (int i = 1; i <= kPoints; ++i) {
-    const Vector3d share(halton(i, 2), halton(i, 3), halton(i, 5));
+  for (const Vector3d& share : shares) {
     const Vector3d p = common.min() + common.sizes().cwiseProduct(share);
     // Eroded by the touch: a point counts where its neighbours on both sides are inside too.
     auto deep = [&](const Volume& v) {

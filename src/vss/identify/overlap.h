@@ -8,6 +8,14 @@ namespace vss {
 struct Volume {
   Eigen::AlignedBox3d box;
   std::vector<std::array<Eigen::Vector3d, 3>> triangles;
+  // Of each triangle what the crossing of a ray upwards asks for; those that such a ray only grazes are left
+  // out.
+  struct Crossing {
+    Eigen::Vector3d corner, edge1, edge2, across;  // across: the ray's direction x edge2
+    double det = 0;
+    Eigen::Vector2d lo, hi;  // seen along the ray: no other ray meets the triangle
+  };
+  std::vector<Crossing> crossings;
   double mm3 = 0;
   double wall_mm = 0;  // mean thickness
 

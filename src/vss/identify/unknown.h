@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "vss/identify/evidence.h"
+#include "vss/identify/world_circle.h"
 #include "vss/identify/world_line.h"
 
 namespace vss {

@@ -39,6 +39,15 @@ struct View {
     if (!ideal || !maybe_inside.contains(*ideal)) return false;
     return surely_inside.contains(*ideal) || ProjectInside(point_in_world).has_value();
   }
+  // Whether it surely shows no point between two; where it says false, some may be in the picture.
+  bool SurelyMisses(const Eigen::Vector3d& a_in_world, const Eigen::Vector3d& b_in_world) const {
+    constexpr double kMarginPx = 1;  // more than projections are rounded by
+    const auto a = ProjectIdeal(a_in_world), b = ProjectIdeal(b_in_world);
+    if (!a || !b) return false;
+    const Eigen::Array2d lo = a->cwiseMin(*b), hi = a->cwiseMax(*b);
+    return (hi < maybe_inside.min().array() - kMarginPx).any() ||
+           (lo > maybe_inside.max().array() + kMarginPx).any();
+  }
   // Unit direction in the world of an `ideal` px.
   Eigen::Vector3d RayOfIdeal(const Eigen::Vector2d& ideal) const;
 };

@@ -1,4 +1,4 @@
-// Straight edges and circles of the world, each found in the line images of several pictures.
+// Straight edges of the world, each found in the line images of several pictures.
 //
 // Two lines of two pictures always meet in one line of space; what makes it an edge is that it is horizontal
 // or vertical (man-made and standing on the ground) or that a third picture agrees. After Hofer, Maurer,
@@ -35,14 +35,6 @@ struct WorldLine {
   double Length() const { return (end - start).norm(); }
 };
 
-// A horizontal circle.
-struct WorldCircle {
-  Eigen::Vector3d center;
-  double radius_mm = 0;
-  std::vector<LineRef> arcs;
-  int num_views = 0;
-};
-
 struct WorldLineOptions {
   double tolerance_px = 1.5;
   double min_height_mm = -50, max_height_mm = 3000;
@@ -55,12 +47,11 @@ double AgreementPx(std::span<const WorldLine> lines);
 
 std::vector<WorldLine> FindWorldLines(std::span<const View> views, std::span<const LineIndex> indices,
                                       const WorldLineOptions& options, int threads, const Progress& progress);
-std::vector<WorldCircle> FindWorldCircles(std::span<const View> views, const WorldLineOptions& options);
 
-// What one picture alone may show at one height: its segments of at least `min_length_px`, and its arcs, on the
-// horizontal plane `z_mm` (world). In the picture's order, whatever the height; a segment that is no line there
-// (it rises to the horizon) has no length.
-std::vector<WorldLine> LevelLines(const View& view, const LineIndex& index, double z_mm, double min_length_px);
-std::vector<WorldCircle> LevelCircles(const View& view, double z_mm, double tolerance_px);
+// What one picture alone may show at one height: its segments of at least `min_length_px`, on the horizontal
+// plane `z_mm` (world). In the picture's order, whatever the height; a segment that is no line there (it
+// rises to the horizon) has no length.
+std::vector<WorldLine> LevelLines(const View& view, const LineIndex& index, double z_mm,
+                                  double min_length_px);
 
 }  // namespace vss

@@ -1,4 +1,4 @@
-#include "vss/identify/hypothesis.h"
+#include "vss/identify/seed.h"
 
 #include <gtest/gtest.h>
 
@@ -47,9 +47,11 @@ struct Bracket {
     scene.mm_per_px = 3;
     const SeedContext context{.scene = scene, .lines = lines, .circles = {}, .mm_per_px = 3};
     double best = INFINITY;
-    for (const auto& t : MakeTemplates(knowledge)) {
+    const auto templates = MakeTemplates(knowledge);
+    const auto pairs = ParallelPairs(context, FarthestPairMm(templates));
+    for (const auto& t : templates) {
       if (t.resting_pose != 0) continue;
-      for (const auto& seed : Seeds(t, context, 0)) {
+      for (const auto& seed : Seeds(t, context, pairs, 0)) {
         double worst = 0;
         for (std::size_t d : {0, 1, 3})
           worst = std::max(worst, std::abs(seed.object.dimensions_mm[d] - truth.dimensions_mm[d]));

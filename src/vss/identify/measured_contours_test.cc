@@ -1,30 +1,9 @@
-#include "vss/identify/weigh.h"
+#include "vss/identify/measured_contours.h"
 
 #include <gtest/gtest.h>
 
 namespace vss {
 namespace {
-
-TEST(IndependentPieces, AShortContourIsOneObservation) {
-  EXPECT_DOUBLE_EQ(IndependentPieces(4), 0.5);
-  EXPECT_DOUBLE_EQ(IndependentPieces(8), 1);
-  EXPECT_DOUBLE_EQ(IndependentPieces(24), 1);
-  EXPECT_DOUBLE_EQ(IndependentPieces(50), 2);
-  double before = 0;
-  for (double px = 0; px < 1000; px += 5) {
-    EXPECT_GE(IndependentPieces(px), before);
-    before = IndependentPieces(px);
-  }
-}
-
-TEST(OpenLedges, ALedgeWhoseEndsAreRatherNotThereCosts) {
-  MeasuredContours measured;
-  measured.ledge_ends = {{0, 1}, {2, 3}};
-  EXPECT_EQ(OpenLedges(measured, std::vector{3.0, -1.0, 2.0, 0.0}), 0);
-  const double one = OpenLedges(measured, std::vector{1.0, -3.0, 2.0, 0.0});
-  EXPECT_LT(one, 0);
-  EXPECT_DOUBLE_EQ(OpenLedges(measured, std::vector{1.0, -3.0, -2.0, 0.0}), 2 * one);
-}
 
 // Of the shipped kinds at their usual dimensions: legs and flanges that lie have two ends each, a box has no
 // ledge.

@@ -1,0 +1,22 @@
+// Hypotheses fitted to the lines, and moved to where they explain more.
+#pragma once
+#include <optional>
+#include <vector>
+
+#include "vss/identify/hypothesis.h"
+
+namespace vss {
+
+// The object lifted from its support onto one at `support_z_mm`, its contours above that staying where they
+// are as far as its dimensions allow; empty where the dimensions' ranges forbid it.
+std::optional<Hypothesis> Reseat(const Hypothesis& hypothesis, const SeedContext& context,
+                                 double support_z_mm);
+
+// Fits the object to the lines (z and tilt held) where that explains more, and weighs it.
+void RefineAndWeigh(Hypothesis& hypothesis, const SeedContext& context);
+
+// What a hypothesis becomes where it slides along its own lines, as they allow without moving off them (an
+// end that is not where it was thought to be), to where further contours meet lines: those that explain more.
+std::vector<Hypothesis> Slides(const Hypothesis& hypothesis, const SeedContext& context);
+
+}  // namespace vss

@@ -1,0 +1,273 @@
+#include "vss/identify/scene_choice.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vss {
+namespace {
+
+using Eigen::Vector3d;
+
+// As good as nothing between two readings (log-odds), and surely more.
+constexpr double kBarely = 10;
+constexpr double kClearly = 1e-6;
+// What an edge costs that runs where the part would be solid: as much as tells two readings apart. None ran
+// in ninety parts of drawn scenes that were found rightly, one to five in boxes laid around channels.
+constexpr double kOpaque = 10;
+// Two parts that lie against each other, parallel and both ends flush: four coincidences at once, taken as
+// one in 150 each, where one part of that section needs none.
+constexpr double kFlush = 20;
+// Parts touch that are no farther apart than places are unsure by before reconstruction; what relations ask
+// about is not farther than this.
+constexpr double kSlackPx = 1.5, kReachPx = 40;
+// Rivals share so much room at least.
+constexpr double kTouchMm = 6;
+
+}  // namespace
+
+double MostOfRelations(const ObjectModel& model) {
+  double most = 0;
+  for (const auto& r : model.relations())
+    if (r.force != ObjectRelation::Force::kAvoids) most += r.weight;
+  return most;
+}
+
+// Holds the items that are new against the pictures.
+void SceneChoice::Enter() {
+  std::vector<PlacedObject> objects;
+  for (auto& item : data_.items)
+    if (item.candidate < 0) {
+      item.candidate = ledger_.size() + int(objects.size());
+      objects.push_back(item.h.object);
+    }
+  ledger_.Add(objects, data_.threads);
+  for (auto& item : data_.items)
+    if (std::isnan(item.alone)) Value(item);
+}
+
+// What speaks for the item alone, or beside the parts that were known when it was found: they may hide what
+// is not seen of it.
+void SceneChoice::Value(SceneItem& item) {
+  const Ledger::Share share = ledger_.Alone(item.candidate);
+  item.inside = EdgesInside(item);
+  const double opaque = -kOpaque * item.inside;
+  const double others = MostOfRelations(*item.h.object.model) + opaque;
+  item.alone = Stands(share, others) ? share.log_odds + opaque : 0;
+  if (item.h.log_odds + others >= data_.options.accept_log_odds)
+    item.alone = std::max(item.alone, item.h.log_odds + opaque);
+}
+
+// How many edges of the world run inside the item: it is opaque, and were it there, nobody could see them.
+// What lines of several pictures meet in by chance lies anywhere, and seldom long and deep inside.
+int SceneChoice::EdgesInside(const SceneItem& item) const {
+  constexpr double kDeepPx = 4;
+  constexpr int kSteps = 7, kMost = 5;
+  const double deep = kDeepPx * data_.mm_per_px;
+  int count = 0;
+  for (const auto& l : data_.index.world_lines) {
+    if (l.num_stops < 2 || l.Length() < kSureLinePx * data_.mm_per_px) continue;
+    int inside = 0;
+    for (int k = 0; k < kSteps; ++k) {
+      const Vector3d p = l.start + (l.end - l.start) * ((k + 0.5) / kSteps);
+      if (!item.volume.Contains(p)) continue;
+      bool is_deep = true;
+      for (const Vector3d& axis : {Vector3d(deep, deep, 0), Vector3d(deep, -deep, 0), Vector3d(0, 0, deep)})
+        is_deep = is_deep && item.volume.Contains(p + axis) && item.volume.Contains(p - axis);
+      inside += is_deep;
+    }
+    count += inside >= kMost;
+  }
+  return count;
+}
+
+bool SceneChoice::Stands(const Ledger::Share& share, double relations) const {
+  return share.log_odds + relations >= data_.options.accept_log_odds &&
+         share.elevated_log_odds + relations >= data_.options.accept_log_odds;
+}
+
+// What the relations of item `i` say of it among `items`.
+double SceneChoice::Relations(int i, const std::vector<int>& items) const {
+  const SceneItem& item = data_.items[i];
+  const auto relations = item.h.object.model->relations();
+  if (relations.empty() || !data_.options.contact) return 0;
+  std::vector<RelatedSolid> others;
+  const Vector3d reach = Vector3d::Constant(kReachPx * data_.mm_per_px);
+  const Eigen::AlignedBox3d room(item.volume.box.min() - reach, item.volume.box.max() + reach);
+  for (int k : items)
+    if (k != i && room.intersects(data_.items[k].volume.box))
+      others.push_back(RelatedOf(data_.items[k].h.object));
+  return RelationLogOdds(relations, RelatedOf(item.h.object), others, kSlackPx * data_.mm_per_px);
+}
+
+// A part must bring more than its acceptance asks for; one that does not stand among the others costs that.
+double SceneChoice::Total(const std::vector<int>& items) {
+  std::vector<int> candidates;
+  for (int i : items) candidates.push_back(data_.items[i].candidate);
+  double total = 0;
+  const auto shares = ledger_.Weigh(candidates);
+  for (std::size_t n = 0; n < items.size(); ++n) {
+    const double others = Relations(items[n], items) - kOpaque * data_.items[items[n]].inside;
+    total += (Stands(shares[n], others) ? shares[n].log_odds + others : 0) - data_.options.accept_log_odds;
+    for (std::size_t m = 0; m < n; ++m)
+      if (data_.items.Flush(items[m], items[n])) total -= kFlush;
+  }
+  return total;
+}
+
+bool SceneChoice::ConflictsWithAny(const std::vector<int>& chain, const std::vector<int>& items) {
+  return std::any_of(chain.begin(), chain.end(), [&](int k) {
+    return std::any_of(items.begin(), items.end(), [&](int a) { return data_.items.Conflicts(k, a); });
+  });
+}
+
+// The item and what it stands on, supports first, that `items` lacks.
+std::vector<int> SceneChoice::MissingChain(int i, const std::vector<int>& items) const {
+  std::vector<int> chain;
+  for (int k = i; k >= 0 && std::find(items.begin(), items.end(), k) == items.end();
+       k = data_.items[k].support_item)
+    chain.push_back(k);
+  std::reverse(chain.begin(), chain.end());
+  return chain;
+}
+
+// Adds those of `order` that explain more, one after the other.
+void SceneChoice::AddBest(const std::vector<int>& order, Choice& choice) {
+  for (int i : order) {
+    if (data_.progress.Cancelled()) return;
+    const std::vector<int> chain = MissingChain(i, choice.items);
+    if (chain.empty() || ConflictsWithAny(chain, choice.items)) continue;
+    std::vector<int> more = choice.items;
+    more.insert(more.end(), chain.begin(), chain.end());
+    const double total = data_.options.scene_level ? Total(more) : choice.total + data_.items[i].alone;
+    if (total <= choice.total) continue;
+    choice = {std::move(more), total};
+  }
+}
+
+// The choice with item `i` and what it stands on in the place of what is in its way, which goes to `removed`;
+// what stood there stands on `i` now where it can.
+SceneChoice::Choice SceneChoice::Replaced(int i, const Choice& choice, std::vector<int>& removed) {
+  const std::vector<int> chain = MissingChain(i, choice.items);
+  Choice with;
+  removed.clear();
+  std::vector<int> fallen;
+  for (int a : choice.items) {
+    const int on = data_.items[a].support_item;
+    if (ConflictsWithAny(chain, {a})) {
+      removed.push_back(a);
+    } else if (std::find(removed.begin(), removed.end(), on) != removed.end()) {
+      fallen.push_back(a);
+      removed.push_back(a);
+    } else {
+      with.items.push_back(a);
+    }
+  }
+  with.items.insert(with.items.end(), chain.begin(), chain.end());
+  for (int a : fallen) {
+    const int twin = data_.items.TwinOn(a, i);
+    if (twin >= 0 && !ConflictsWithAny({twin}, with.items)) with.items.push_back(twin);
+  }
+  with.total = Total(with.items);
+  return with;
+}
+
+// As Replaced(), then with what else has room there.
+SceneChoice::Choice SceneChoice::With(int i, const Choice& choice, const std::vector<int>& order,
+                                      std::vector<int>& removed) {
+  constexpr std::size_t kMostRefills = 6;
+  Choice with = Replaced(i, choice, removed);
+  std::vector<int> refills;
+  double hope = with.total;
+  for (int k : order) {
+    if (refills.size() == kMostRefills) break;
+    if (std::find(with.items.begin(), with.items.end(), k) != with.items.end()) continue;
+    const bool near = std::any_of(removed.begin(), removed.end(), [&](int r) {
+      return data_.items[r].volume.box.intersects(data_.items[k].volume.box);
+    });
+    if (!near) continue;
+    const std::vector<int> more = MissingChain(k, with.items);
+    if (more.size() > 1 || ConflictsWithAny(more, with.items)) continue;
+    refills.push_back(k);
+    hope += data_.items[k].alone;
+  }
+  if (hope > choice.total - kBarely) AddBest(refills, with);
+  return with;
+}
+
+// One pass over the items that were left out; whether one of them explains more in the place of what is in
+// its way.
+bool SceneChoice::Improve(const std::vector<int>& order, Choice& best) {
+  bool better = false;
+  rivals_.clear();
+  other_sizes_.clear();
+  for (int i : order) {
+    if (std::find(best.items.begin(), best.items.end(), i) != best.items.end()) continue;
+    std::vector<int> removed;
+    Choice with = With(i, best, order, removed);
+    if (with.total > best.total + kClearly) {
+      best = std::move(with);
+      better = true;
+      continue;
+    }
+    for (int r : removed) NoteRival(r, i, best.total - with.total);
+  }
+  return better;
+}
+
+void SceneChoice::Select() {
+  constexpr int kMaxPasses = 4;
+  Enter();
+  std::vector<int> order;
+  for (int i = 0; i < data_.items.size(); ++i)
+    if (data_.items[i].alone > 0) order.push_back(i);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int a, int b) { return data_.items[a].alone > data_.items[b].alone; });
+  Choice best;
+  AddBest(order, best);
+  bool better = data_.options.scene_level;
+  for (int pass = 0; better && pass < kMaxPasses && !data_.progress.Cancelled(); ++pass)
+    better = Improve(order, best);
+  accepted_ = std::move(best.items);
+  std::sort(accepted_.begin(), accepted_.end());
+}
+
+const SceneChoice::Rival* SceneChoice::RivalOf(int accepted) const {
+  const auto it = rivals_.find(accepted);
+  return it == rivals_.end() ? nullptr : &it->second;
+}
+
+bool SceneChoice::IsContested(int accepted) const {
+  const Rival* rival = RivalOf(accepted);
+  const auto other_size = other_sizes_.find(accepted);
+  return (rival && rival->loss < kBarely) ||
+         (other_size != other_sizes_.end() && other_size->second < kBarely);
+}
+
+std::vector<double> SceneChoice::LogOdds(const std::vector<int>& items) {
+  std::vector<int> candidates;
+  for (int i : items) candidates.push_back(data_.items[i].candidate);
+  const std::vector<Ledger::Share> shares = ledger_.Weigh(candidates);
+  std::vector<double> out;
+  for (std::size_t n = 0; n < items.size(); ++n)
+    out.push_back(shares[n].log_odds + Relations(items[n], items) - kOpaque * data_.items[items[n]].inside);
+  return out;
+}
+
+// What would be lost if item `rival` took the place of `accepted`.
+void SceneChoice::NoteRival(int accepted, int rival, double loss) {
+  constexpr double kSamePart = 0.3, kOtherSizePx = 3;
+  const SceneItem &mine = data_.items[accepted], &other = data_.items[rival];
+  if (SharedVolume(mine.volume, other.volume, kTouchMm) < kSamePart) return;
+  if (mine.kind == other.kind) {
+    // Of one kind, but of another size.
+    const double apart = (mine.volume.box.sizes() - other.volume.box.sizes()).cwiseAbs().maxCoeff();
+    if (apart < kOtherSizePx * data_.mm_per_px) return;
+    const auto it = other_sizes_.try_emplace(accepted, loss).first;
+    it->second = std::min(it->second, loss);
+    return;
+  }
+  const auto it = rivals_.find(accepted);
+  if (it == rivals_.end() || loss < it->second.loss) rivals_[accepted] = {rival, loss};
+}
+
+}  // namespace vss

@@ -1,0 +1,64 @@
+// Which of the items stand in the scene: the set that together explains most with the fewest parts.
+#pragma once
+#include <map>
+#include <vector>
+
+#include "vss/identify/ledger.h"
+#include "vss/identify/scene_data.h"
+
+namespace vss {
+
+// What an object's relations to others can bring at most, log-odds.
+double MostOfRelations(const ObjectModel& model);
+
+class SceneChoice {
+ public:
+  // `data` must outlive it.
+  explicit SceneChoice(SceneData& data) : data_(data), ledger_(data.index) {}
+
+  // Chooses: greedy, then each item that was left out is given the place of what is in its way, as long as
+  // that explains more.
+  void Select();
+  // The items chosen, by index, ascending.
+  const std::vector<int>& accepted() const { return accepted_; }
+
+  // What would explain least less in the place of an accepted item.
+  struct Rival {
+    int item;
+    double loss;  // log-odds
+  };
+  // Of another kind; null: none.
+  const Rival* RivalOf(int accepted) const;
+  // How much each of `items`, beside all of them, is spoken for (log-odds).
+  std::vector<double> LogOdds(const std::vector<int>& items);
+  // Is there something that explains nearly as much in the place of the accepted item?
+  bool IsContested(int accepted) const;
+
+ private:
+  // A set of items, supports before what they carry, and what it explains.
+  struct Choice {
+    std::vector<int> items;
+    double total = 0;
+  };
+  void Enter();
+  void Value(SceneItem& item);
+  int EdgesInside(const SceneItem& item) const;
+  bool Stands(const Ledger::Share& share, double relations) const;
+  double Relations(int i, const std::vector<int>& items) const;
+  double Total(const std::vector<int>& items);
+  bool ConflictsWithAny(const std::vector<int>& chain, const std::vector<int>& items);
+  std::vector<int> MissingChain(int i, const std::vector<int>& items) const;
+  void AddBest(const std::vector<int>& order, Choice& choice);
+  Choice With(int i, const Choice& choice, const std::vector<int>& order, std::vector<int>& removed);
+  Choice Replaced(int i, const Choice& choice, std::vector<int>& removed);
+  bool Improve(const std::vector<int>& order, Choice& best);
+  void NoteRival(int accepted, int rival, double loss);
+
+  SceneData& data_;
+  Ledger ledger_;
+  std::vector<int> accepted_;
+  std::map<int, double> other_sizes_;  // of accepted items: what the least bad of another size would lose
+  std::map<int, Rival> rivals_;        // of accepted items, of another kind
+};
+
+}  // namespace vss

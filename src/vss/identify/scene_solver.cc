@@ -1,0 +1,123 @@
+#include "vss/identify/scene_solver.h"
+
+#include <algorithm>
+
+#include "vss/base/parallel.h"
+#include "vss/identify/hypothesis_search.h"
+#include "vss/identify/refine.h"
+#include "vss/identify/unknown.h"
+
+namespace vss {
+
+Result<SceneResult> SceneSolver::Run() {
+  constexpr int kMaxRounds = 4;  // what stands on what stands on what stands on the ground
+  FindEdges();
+  AddHypotheses(SceneItems::kGround, {}, data_);
+  if (data_.options.contact) ReseatOnPlates(data_);
+  choice_.Select();
+  // What the parts found so far hide or explain is known now: the rest of the lines once more, on the ground
+  // and on all tops.
+  for (int round = 0; round < kMaxRounds && data_.options.top_down && !data_.progress.Cancelled(); ++round) {
+    const std::vector<int> known = choice_.accepted();
+    const Explained around = ExplainedBy(known, data_);
+    data_.items.TakeChanged();
+    SlideAccepted();
+    AddHypotheses(SceneItems::kGround, around, data_);
+    if (data_.options.contact)
+      for (int support : known) AddHypotheses(support, around, data_);
+    joiner_.JoinAll();
+    if (!data_.items.TakeChanged()) break;
+    if (data_.options.contact) ReseatOnPlates(data_);
+    choice_.Select();
+    if (choice_.accepted() == known) break;
+  }
+  if (data_.progress.Cancelled()) return Cancelled();
+  return Collect();
+}
+
+void SceneSolver::FindEdges() {
+  data_.edges = FindSceneEdges(data_.index, data_.options, data_.threads, data_.progress);
+}
+
+std::vector<Evidence> SceneSolver::WeighEach(std::span<const PlacedObject> objects) {
+  FindEdges();
+  std::vector<Evidence> out(objects.size());
+  ParallelFor(objects.size(), data_.threads, [&](std::size_t i) {
+    Occluders others;
+    for (std::size_t k = 0; k < objects.size(); ++k)
+      if (k != i) others.Add(PlaceSolid(objects[k], false), int(k));
+    const WorldSolid solid = PlaceSolid(objects[i], false);
+    out[i] =
+        Weigh(solid, ViewsThatSee(solid, data_.views, int(data_.views.size())), data_.index,
+              {.grey = true, .prior_log_odds = PriorLogOdds(objects[i], data_.index.mm_per_px)}, &others);
+  });
+
+  return out;
+}
+
+// Ends of accepted parts, and of what came second there, may be wrong though their edges are right.
+void SceneSolver::SlideAccepted() {
+  struct Candidate {
+    int item, accepted;  // in whose place it would be
+  };
+  const std::vector<int>& accepted = choice_.accepted();
+  std::vector<Candidate> candidates;
+  for (int i : accepted) {
+    candidates.push_back({i, i});
+    if (const auto* rival = choice_.RivalOf(i)) candidates.push_back({rival->item, i});
+  }
+  std::vector<std::vector<Hypothesis>> slid(candidates.size());
+  ParallelFor(candidates.size(), data_.threads, [&](std::size_t i) {
+    std::vector<int> rest = accepted;
+    std::erase(rest, candidates[i].accepted);
+    const Explained around = ExplainedBy(rest, data_);
+    SeedContext context = data_.Context();
+    context.others = &around.others;
+    context.claims = &around.claims;
+    Hypothesis h = data_.items[candidates[i].item].h;
+    WeighInAllViews(h, context);
+    slid[i] = Slides(h, context);
+  });
+  for (std::size_t i = 0; i < candidates.size(); ++i)
+    for (auto& h : slid[i]) data_.items.Keep(std::move(h), data_.items[candidates[i].item].support_item);
+}
+
+SceneResult SceneSolver::Collect() {
+  SceneResult result;
+  // Supports before what stands on them.
+  std::vector<int> accepted = choice_.accepted();
+  std::stable_sort(accepted.begin(), accepted.end(),
+                   [&](int a, int b) { return data_.items.Level(a) < data_.items.Level(b); });
+  const std::vector<double> log_odds = choice_.LogOdds(accepted);
+  for (std::size_t k = 0; k < accepted.size(); ++k) {
+    const SceneItem& item = data_.items[accepted[k]];
+    IdentifiedPart part;
+    part.object = item.h.object;
+    if (item.support_item >= 0)
+      part.stands_on = int(std::find(accepted.begin(), accepted.end(), item.support_item) - accepted.begin());
+    part.views = ViewsThatSee(item.Solid(), data_.views, int(data_.views.size()));
+    part.log_odds = log_odds[k];
+    if (const auto* rival = choice_.RivalOf(accepted[k]))
+      part.runner_up = RunnerUp{data_.items[rival->item].kind, part.log_odds - rival->loss};
+    part.doubtful = part.log_odds < data_.options.doubtful_log_odds || choice_.IsContested(accepted[k]);
+    result.parts.push_back(std::move(part));
+  }
+  result.unknown = Unexplained();
+  return result;
+}
+
+// Groups of edges of the world that no accepted part explains.
+std::vector<UnknownGroup> SceneSolver::Unexplained() const {
+  const Explained known = ExplainedBy(choice_.accepted(), data_);
+  std::vector<WorldLine> lines;
+  for (const auto& l : data_.edges.lines)
+    if (!Explains(known.claims, l, data_.index)) lines.push_back(l);
+  std::vector<WorldCircle> circles;
+  for (const auto& c : data_.edges.circles)
+    if (!Explains(known.claims, c, data_.index)) circles.push_back(c);
+  std::vector<Eigen::AlignedBox3d> boxes;
+  for (int i : choice_.accepted()) boxes.push_back(data_.items[i].volume.box);
+  return FindUnknown(lines, circles, boxes, data_.mm_per_px);
+}
+
+}  // namespace vss
