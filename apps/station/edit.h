@@ -1,4 +1,5 @@
-// What the commands have in common: each makes one Edit out of what the page asked for. Only for commands.cc and its kin.
+// What the commands have in common: each makes one Edit out of what the page asked for. Only for commands.cc
+// and its kin.
 #pragma once
 #include "workspace.h"
 

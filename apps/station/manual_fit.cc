@@ -16,16 +16,17 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 using Jac2 = Eigen::Matrix2Xd;
 
-constexpr double kBiasPx = 0.15;          // what a line is off beyond its noise: contact shadows, lens, chamfers
-constexpr double kNearestDepthMm = 100;   // an edge is cut off where it comes closer to the camera
-constexpr int kYawStarts = 24;            // 15 degrees apart: Gauss-Newton on straight edges converges from 20
+constexpr double kBiasPx = 0.15;  // what a line is off beyond its noise: contact shadows, lens, chamfers
+constexpr double kNearestDepthMm = 100;  // an edge is cut off where it comes closer to the camera
+constexpr int kYawStarts = 24;           // 15 degrees apart: Gauss-Newton on straight edges converges from 20
 constexpr int kStartSteps = 12, kFinalSteps = 40;
 constexpr int kRefinedStarts = 4;
 constexpr std::size_t kStartPicks = 24;
-constexpr double kRobustScale = 4;        // whitened residuals beyond it lose their pull (Cauchy)
+constexpr double kRobustScale = 4;  // whitened residuals beyond it lose their pull (Cauchy)
 constexpr double kPriorPlaceMm = 1e4, kPriorYawRad = 2;
-constexpr double kObservableShare = 0.25; // of the sigma before any line: more is left where the lines say nothing
-constexpr double kOvershootPx = 3;        // a segment may reach so far beyond the end of its edge
+constexpr double kObservableShare =
+    0.25;                           // of the sigma before any line: more is left where the lines say nothing
+constexpr double kOvershootPx = 3;  // a segment may reach so far beyond the end of its edge
 constexpr int kArcPoints = 9;
 
 struct Projected {
@@ -39,8 +40,10 @@ std::optional<Projected> ProjectPoint(const View& view, const WorldPoint& p) {
   if (c.z() < kNearestDepthMm) return std::nullopt;
   const auto& k = view.camera->intrinsics;
   Eigen::Matrix<double, 2, 3> d;
-  d << k.fx_px / c.z(), 0, -k.fx_px * c.x() / (c.z() * c.z()), 0, k.fy_px / c.z(), -k.fy_px * c.y() / (c.z() * c.z());
-  return Projected{k.IdealFromNormalized({c.x() / c.z(), c.y() / c.z()}), d * view.cam_from_world.rotation * p.by_state};
+  d << k.fx_px / c.z(), 0, -k.fx_px * c.x() / (c.z() * c.z()), 0, k.fy_px / c.z(),
+      -k.fy_px * c.y() / (c.z() * c.z());
+  return Projected{k.IdealFromNormalized({c.x() / c.z(), c.y() / c.z()}),
+                   d * view.cam_from_world.rotation * p.by_state};
 }
 
 WorldPoint Between(const WorldPoint& a, const WorldPoint& b, double t) {
@@ -51,7 +54,8 @@ WorldPoint Between(const WorldPoint& a, const WorldPoint& b, double t) {
 bool ClippedEdge(const WorldSolid& solid, int edge, const View& view, WorldPoint* a, WorldPoint* b) {
   const auto& e = solid.edges[std::size_t(edge)];
   const WorldPoint &p = solid.vertices[std::size_t(e.start)], &q = solid.vertices[std::size_t(e.end)];
-  const double zp = (view.cam_from_world * p.point).z(), zq = (view.cam_from_world * q.point).z(), z0 = 2 * kNearestDepthMm;
+  const double zp = (view.cam_from_world * p.point).z(), zq = (view.cam_from_world * q.point).z(),
+               z0 = 2 * kNearestDepthMm;
   if (zp < z0 && zq < z0) return false;
   *a = zp < z0 ? Between(p, q, (z0 - zp) / (zq - zp)) : p;
   *b = zq < z0 ? Between(p, q, (z0 - zp) / (zq - zp)) : q;
@@ -81,7 +85,8 @@ std::optional<LineDistance> DistanceFromEdge(const Vector2d& m, const Projected&
 }
 
 // Distance of `m` from the projected rim, by search on its angle.
-std::optional<LineDistance> DistanceFromCircle(const Vector2d& m, const WorldSolid::Circle& c, const View& view) {
+std::optional<LineDistance> DistanceFromCircle(const Vector2d& m, const WorldSolid::Circle& c,
+                                               const View& view) {
   auto distance2 = [&](double t) {
     const auto p = view.ProjectIdeal(OnCircle(c, t).point);
     return p ? (*p - m).squaredNorm() : INFINITY;
@@ -89,10 +94,16 @@ std::optional<LineDistance> DistanceFromCircle(const Vector2d& m, const WorldSol
   double best = 0, least = INFINITY;
   constexpr int kSteps = 48;
   for (int k = 0; k < kSteps; ++k)
-    if (const double d = distance2(2 * kPi * k / kSteps); d < least) { least = d; best = 2 * kPi * k / kSteps; }
+    if (const double d = distance2(2 * kPi * k / kSteps); d < least) {
+      least = d;
+      best = 2 * kPi * k / kSteps;
+    }
   for (double step = kPi / kSteps; step > 1e-6; step /= 2)
     for (double t : {best - step, best + step})
-      if (const double d = distance2(t); d < least) { least = d; best = t; }
+      if (const double d = distance2(t); d < least) {
+        least = d;
+        best = t;
+      }
   const auto p = ProjectPoint(view, OnCircle(c, best)), q = ProjectPoint(view, OnCircle(c, best + 1e-4));
   if (!p || !q) return std::nullopt;
   const Vector2d tangent = (q->ideal - p->ideal).normalized(), n(-tangent.y(), tangent.x());
@@ -118,17 +129,22 @@ void AddSegment(const Pick& pick, const WorldSolid& solid, const View& view, Res
   std::optional<Projected> pa, pb;
   if (ClippedEdge(solid, pick.contour, view, &a, &b)) pa = ProjectPoint(view, a), pb = ProjectPoint(view, b);
   std::optional<LineDistance> d0, d1;
-  if (pa && pb) d0 = DistanceFromEdge(pick.ideal_start, *pa, *pb), d1 = DistanceFromEdge(pick.ideal_end, *pa, *pb);
+  if (pa && pb)
+    d0 = DistanceFromEdge(pick.ideal_start, *pa, *pb), d1 = DistanceFromEdge(pick.ideal_end, *pa, *pb);
   if (!d0 || !d1) {
     ++out.unseen;
     out.pick_rms_px.push_back(INFINITY);
     return;
   }
   const double length = std::max(1.0, (pick.ideal_end - pick.ideal_start).norm());
-  const double sigma_offset = std::hypot(pick.sigma_offset_px, kBiasPx), sigma_angle = std::hypot(pick.sigma_angle_rad, 2 * kBiasPx / length);
-  AddRow(out, (d0->distance + d1->distance) / 2 / sigma_offset, (d0->by_state + d1->by_state) / 2 / sigma_offset);
-  AddRow(out, (d1->distance - d0->distance) / length / sigma_angle, (d1->by_state - d0->by_state) / length / sigma_angle);
-  out.pick_rms_px.push_back(std::sqrt((d0->distance * d0->distance + d0->distance * d1->distance + d1->distance * d1->distance) / 3));
+  const double sigma_offset = std::hypot(pick.sigma_offset_px, kBiasPx),
+               sigma_angle = std::hypot(pick.sigma_angle_rad, 2 * kBiasPx / length);
+  AddRow(out, (d0->distance + d1->distance) / 2 / sigma_offset,
+         (d0->by_state + d1->by_state) / 2 / sigma_offset);
+  AddRow(out, (d1->distance - d0->distance) / length / sigma_angle,
+         (d1->by_state - d0->by_state) / length / sigma_angle);
+  out.pick_rms_px.push_back(std::sqrt(
+      (d0->distance * d0->distance + d0->distance * d1->distance + d1->distance * d1->distance) / 3));
   const double edge_px = (pb->ideal - pa->ideal).norm();
   for (double t : {d0->along, d1->along}) {
     const double beyond = edge_px * std::max({0.0, -t, t - 1}) / kOvershootPx;
@@ -138,10 +154,14 @@ void AddSegment(const Pick& pick, const WorldSolid& solid, const View& view, Res
 
 void AddArc(const Pick& pick, const WorldSolid& solid, const View& view, Residuals& out) {
   double sum = 0;
-  const double sigma = std::hypot(pick.sigma_offset_px, kBiasPx) * std::sqrt(double(pick.ideal_points.size()) / 3);
+  const double sigma =
+      std::hypot(pick.sigma_offset_px, kBiasPx) * std::sqrt(double(pick.ideal_points.size()) / 3);
   for (const auto& m : pick.ideal_points) {
     const auto d = DistanceFromCircle(m, solid.circles[std::size_t(pick.contour)], view);
-    if (!d) { ++out.unseen; continue; }
+    if (!d) {
+      ++out.unseen;
+      continue;
+    }
     AddRow(out, d->distance / sigma, d->by_state / sigma);
     sum += d->distance * d->distance;
   }
@@ -152,8 +172,10 @@ Residuals Evaluate(const FitQuestion& q, const PlacedObject& object, const std::
   Residuals out;
   const WorldSolid solid = PlaceSolid(object);
   for (const auto& pick : q.picks) {
-    if (pick.is_circle) AddArc(pick, solid, views[std::size_t(pick.image)], out);
-    else AddSegment(pick, solid, views[std::size_t(pick.image)], out);
+    if (pick.is_circle)
+      AddArc(pick, solid, views[std::size_t(pick.image)], out);
+    else
+      AddSegment(pick, solid, views[std::size_t(pick.image)], out);
   }
   return out;
 }
@@ -185,7 +207,7 @@ Prior MakePrior(const FitQuestion& q, const PlacedObject& start) {
 struct Normal {
   MatrixXd information;  // of the lines alone
   VectorXd gradient;
-  double cost = 0;       // lines and prior
+  double cost = 0;  // lines and prior
 };
 
 double Weight(double r, bool robust) { return robust ? 1 / (1 + r * r / (kRobustScale * kRobustScale)) : 1; }
@@ -212,19 +234,22 @@ Normal Accumulate(const Residuals& rows, const Prior& prior, const VectorXd& sta
   return out;
 }
 
-PlacedObject Stepped(const FitQuestion& q, const PlacedObject& from, const Prior& prior, const VectorXd& step) {
+PlacedObject Stepped(const FitQuestion& q, const PlacedObject& from, const Prior& prior,
+                     const VectorXd& step) {
   PlacedObject to = from;
   VectorXd state = from.State();
   for (Eigen::Index k = 0; k < step.size(); ++k) state[prior.free[std::size_t(k)]] += step[k];
   const auto defs = q.model->dimensions();
   for (std::size_t i = 0; i < defs.size(); ++i)
-    state[kPlacementSize + int(i)] = std::clamp(state[kPlacementSize + int(i)], defs[i].min_mm, defs[i].max_mm);
+    state[kPlacementSize + int(i)] =
+        std::clamp(state[kPlacementSize + int(i)], defs[i].min_mm, defs[i].max_mm);
   to.SetState(state);
   return to;
 }
 
 // Levenberg-Marquardt; returns the cost.
-double Minimise(const FitQuestion& q, const std::vector<View>& views, const Prior& prior, int steps, bool robust, PlacedObject& object) {
+double Minimise(const FitQuestion& q, const std::vector<View>& views, const Prior& prior, int steps,
+                bool robust, PlacedObject& object) {
   Residuals rows = Evaluate(q, object, views);
   Normal now = Accumulate(rows, prior, object.State(), robust);
   double lambda = 1e-3;
@@ -271,7 +296,8 @@ Vector2d FootOfPicks(const FitQuestion& q, const std::vector<View>& views) {
   int n = 0;
   for (const auto& pick : q.picks) {
     const View& view = views[std::size_t(pick.image)];
-    const Vector2d m = pick.is_circle ? pick.ideal_points[pick.ideal_points.size() / 2] : Vector2d((pick.ideal_start + pick.ideal_end) / 2);
+    const Vector2d m = pick.is_circle ? pick.ideal_points[pick.ideal_points.size() / 2]
+                                      : Vector2d((pick.ideal_start + pick.ideal_end) / 2);
     const Vector3d ray = view.RayOfIdeal(m);
     if (ray.z() > -1e-3) continue;
     const double s = (q.support_height_mm - view.center_in_world.z()) / ray.z();
@@ -306,11 +332,14 @@ PlacedObject FitFromNothing(const FitQuestion& all, const std::vector<View>& vie
   std::sort(starts.begin(), starts.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   starts.resize(kRefinedStarts);
   for (auto& [cost, object] : starts) cost = Minimise(q, views, prior, kFinalSteps, false, object);
-  return std::min_element(starts.begin(), starts.end(), [](const auto& a, const auto& b) { return a.first < b.first; })->second;
+  return std::min_element(starts.begin(), starts.end(),
+                          [](const auto& a, const auto& b) { return a.first < b.first; })
+      ->second;
 }
 
 // The rows that a line on that edge would add, were it picked.
-MatrixXd RowsOfEdge(const WorldSolid& solid, int edge, const View& view, const Vector2d& from, const Vector2d& to, const Prior& prior) {
+MatrixXd RowsOfEdge(const WorldSolid& solid, int edge, const View& view, const Vector2d& from,
+                    const Vector2d& to, const Prior& prior) {
   WorldPoint a, b;
   if (!ClippedEdge(solid, edge, view, &a, &b)) return {};
   const auto pa = ProjectPoint(view, a), pb = ProjectPoint(view, b);
@@ -331,7 +360,8 @@ struct Candidate {
 };
 
 // Edges that are visible in some picture and were not picked there.
-std::vector<Candidate> UnpickedEdges(const FitQuestion& q, const PlacedObject& object, const std::vector<View>& views, const Prior& prior) {
+std::vector<Candidate> UnpickedEdges(const FitQuestion& q, const PlacedObject& object,
+                                     const std::vector<View>& views, const Prior& prior) {
   constexpr double kSpacingPx = 12;
   constexpr int kLeastVisible = 3;
   std::vector<Candidate> out;
@@ -341,7 +371,9 @@ std::vector<Candidate> UnpickedEdges(const FitQuestion& q, const PlacedObject& o
     for (const auto& s : SampleContour(solid, view, kSpacingPx, kLeastVisible))
       if (s.visible && s.source == ContourSample::Source::kEdge) seen[s.index].push_back(s.ideal);
     for (const auto& [edge, points] : seen) {
-      const bool picked = std::any_of(q.picks.begin(), q.picks.end(), [&](const Pick& p) { return !p.is_circle && p.image == view.image && p.contour == edge; });
+      const bool picked = std::any_of(q.picks.begin(), q.picks.end(), [&](const Pick& p) {
+        return !p.is_circle && p.image == view.image && p.contour == edge;
+      });
       if (picked || int(points.size()) < kLeastVisible) continue;
       MatrixXd rows = RowsOfEdge(solid, edge, view, points.front(), points.back(), prior);
       if (rows.size() > 0) out.push_back({view.image, edge, std::move(rows)});
@@ -350,7 +382,8 @@ std::vector<Candidate> UnpickedEdges(const FitQuestion& q, const PlacedObject& o
   return out;
 }
 
-void AddHints(const FitQuestion& q, const std::vector<View>& views, const Prior& prior, const MatrixXd& information, FitAnswer& answer) {
+void AddHints(const FitQuestion& q, const std::vector<View>& views, const Prior& prior,
+              const MatrixXd& information, FitAnswer& answer) {
   if (std::all_of(answer.observable.begin(), answer.observable.end(), [](bool o) { return o; })) return;
   const auto candidates = UnpickedEdges(q, answer.object, views, prior);
   for (Eigen::Index k = 3; k < Eigen::Index(prior.free.size()); ++k) {
@@ -366,7 +399,9 @@ void AddHints(const FitQuestion& q, const std::vector<View>& views, const Prior&
       const std::pair rank{c.image != q.present_image || sigma >= enough, sigma};
       if (rank < best) best = rank, chosen = &c;
     }
-    if (chosen) answer.hints.push_back({std::string(q.model->dimensions()[dimension].name), chosen->image, chosen->contour, false});
+    if (chosen)
+      answer.hints.push_back(
+          {std::string(q.model->dimensions()[dimension].name), chosen->image, chosen->contour, false});
   }
 }
 
@@ -375,7 +410,8 @@ void AddQuality(const FitQuestion& q, const std::vector<View>& views, const Prio
   const Normal normal = Accumulate(rows, prior, answer.object.State(), true);
   MatrixXd information = normal.information;
   information.diagonal() += prior.sigma.array().square().inverse().matrix();
-  const MatrixXd covariance = information.ldlt().solve(MatrixXd::Identity(information.rows(), information.cols()));
+  const MatrixXd covariance =
+      information.ldlt().solve(MatrixXd::Identity(information.rows(), information.cols()));
   double chi2 = 0;
   for (double r : rows.r) chi2 += Cost(r, true);
   const double freedom = double(rows.r.size()) - double(prior.free.size());
@@ -383,7 +419,8 @@ void AddQuality(const FitQuestion& q, const std::vector<View>& views, const Prio
   const int n = answer.object.StateSize();
   answer.covariance = MatrixXd::Zero(n, n);
   for (std::size_t i = 0; i < prior.free.size(); ++i)
-    for (std::size_t k = 0; k < prior.free.size(); ++k) answer.covariance(prior.free[i], prior.free[k]) = scale * covariance(Eigen::Index(i), Eigen::Index(k));
+    for (std::size_t k = 0; k < prior.free.size(); ++k)
+      answer.covariance(prior.free[i], prior.free[k]) = scale * covariance(Eigen::Index(i), Eigen::Index(k));
   answer.residual_px = rows.pick_rms_px;
   double sum = 0;
   for (double r : rows.pick_rms_px) sum += r * r;
@@ -395,9 +432,12 @@ void AddQuality(const FitQuestion& q, const std::vector<View>& views, const Prio
     if (prior.free[i] < kPlacementSize) continue;
     const std::size_t dimension = std::size_t(prior.free[i] - kPlacementSize);
     answer.sigma_mm[dimension] = std::sqrt(scale) * sigma;
-    answer.observable[dimension] = sigma < kObservableShare * std::min(prior.sigma[Eigen::Index(i)], answer.object.dimensions_mm[dimension]);
+    answer.observable[dimension] =
+        sigma <
+        kObservableShare * std::min(prior.sigma[Eigen::Index(i)], answer.object.dimensions_mm[dimension]);
   }
-  answer.placed = covariance(0, 0) < 100 * 100 && covariance(1, 1) < 100 * 100 && covariance(2, 2) < 0.1 * 0.1;
+  answer.placed =
+      covariance(0, 0) < 100 * 100 && covariance(1, 1) < 100 * 100 && covariance(2, 2) < 0.1 * 0.1;
   AddHints(q, views, prior, information, answer);
 }
 
@@ -407,14 +447,18 @@ Status CheckQuestion(const FitQuestion& q, const std::vector<View>& views) {
   const WorldSolid solid = PlaceSolid(usual, false);
   for (const auto& p : q.picks) {
     const std::size_t count = p.is_circle ? solid.circles.size() : solid.edges.size();
-    if (p.contour < 0 || std::size_t(p.contour) >= count) return UsageError("a {} has no {} number {}", q.model->kind(), p.is_circle ? "rim" : "edge", p.contour);
-    if (p.image < 0 || std::size_t(p.image) >= views.size()) return UsageError("there is no picture number {}", p.image);
+    if (p.contour < 0 || std::size_t(p.contour) >= count)
+      return UsageError("a {} has no {} number {}", q.model->kind(), p.is_circle ? "rim" : "edge", p.contour);
+    if (p.image < 0 || std::size_t(p.image) >= views.size())
+      return UsageError("there is no picture number {}", p.image);
   }
   for (const auto& [name, value] : q.fixed_mm) {
     const auto defs = q.model->dimensions();
-    const auto def = std::find_if(defs.begin(), defs.end(), [&name = name](const auto& d) { return d.name == name; });
+    const auto def =
+        std::find_if(defs.begin(), defs.end(), [&name = name](const auto& d) { return d.name == name; });
     if (def == defs.end()) return UsageError("a {} has no dimension {}", q.model->kind(), name);
-    if (!(value >= def->min_mm && value <= def->max_mm)) return UsageError("{}: {} mm is outside its range {} to {} mm", name, value, def->min_mm, def->max_mm);
+    if (!(value >= def->min_mm && value <= def->max_mm))
+      return UsageError("{}: {} mm is outside its range {} to {} mm", name, value, def->min_mm, def->max_mm);
   }
   return {};
 }
@@ -429,7 +473,8 @@ Result<FitAnswer> FitPicks(const FitQuestion& q, const std::vector<View>& views)
     answer.object.placement[2] = q.support_height_mm;
     const auto defs = q.model->dimensions();
     for (std::size_t i = 0; i < defs.size(); ++i)
-      if (const auto at = q.fixed_mm.find(defs[i].name); at != q.fixed_mm.end()) answer.object.dimensions_mm[i] = at->second;
+      if (const auto at = q.fixed_mm.find(defs[i].name); at != q.fixed_mm.end())
+        answer.object.dimensions_mm[i] = at->second;
   }
   PlacedObject mean = UsualObject(q);
   mean.placement = answer.object.placement;
@@ -442,11 +487,13 @@ Result<FitAnswer> FitPicks(const FitQuestion& q, const std::vector<View>& views)
 
 namespace {
 
-// How well a straight line lies on the visible samples of one contour: mean distance, and how much of it they cover.
+// How well a straight line lies on the visible samples of one contour: mean distance, and how much of it they
+// cover.
 struct Closeness {
   double mean_px = INFINITY, covered = 0;
 };
-Closeness ClosenessOf(const Pick& line, const std::vector<ContourSample>& samples, double spacing_px, double tolerance_px) {
+Closeness ClosenessOf(const Pick& line, const std::vector<ContourSample>& samples, double spacing_px,
+                      double tolerance_px) {
   const Vector2d d = line.ideal_end - line.ideal_start;
   const double length = std::max(d.norm(), 1e-9), max_sine = std::max(0.05, 2 * tolerance_px / length);
   const Vector2d along = d / length, n(-along.y(), along.x());
@@ -454,7 +501,8 @@ Closeness ClosenessOf(const Pick& line, const std::vector<ContourSample>& sample
   int count = 0;
   for (const auto& s : samples) {
     const double t = along.dot(s.ideal - line.ideal_start);
-    if (t < -tolerance_px || t > length + tolerance_px || std::abs(n.dot(s.ideal_tangent)) > max_sine) continue;
+    if (t < -tolerance_px || t > length + tolerance_px || std::abs(n.dot(s.ideal_tangent)) > max_sine)
+      continue;
     const double distance = std::abs(n.dot(s.ideal - line.ideal_start));
     if (distance > tolerance_px) continue;
     sum += distance;
@@ -483,25 +531,33 @@ Closeness ArcClosenessOf(const Pick& arc, const std::vector<ContourSample>& samp
 
 }  // namespace
 
-std::vector<Pick> CollectPicks(const PlacedObject& object, const std::vector<View>& views, const Occluders* others, double tolerance_px,
-                               const std::function<bool(int, int)>& taken, const std::function<std::vector<Pick>(int)>& lines_of) {
+std::vector<Pick> CollectPicks(const PlacedObject& object, const std::vector<View>& views,
+                               const Occluders* others, double tolerance_px,
+                               const std::function<bool(int, int)>& taken,
+                               const std::function<std::vector<Pick>(int)>& lines_of) {
   constexpr double kSpacingPx = 4, kLeastCovered = 0.6, kDistinctPx = 0.7;
   const WorldSolid solid = PlaceSolid(object, false);
   std::vector<Pick> out;
   for (const auto& view : views) {
     std::map<std::pair<bool, int>, std::vector<ContourSample>> contours;
     for (const auto& s : SampleContour(solid, view, kSpacingPx, 2, others))
-      if (s.visible && s.source != ContourSample::Source::kLimb) contours[{s.source == ContourSample::Source::kCircle, s.index}].push_back(s);
+      if (s.visible && s.source != ContourSample::Source::kLimb)
+        contours[{s.source == ContourSample::Source::kCircle, s.index}].push_back(s);
     if (contours.empty()) continue;
     for (Pick line : lines_of(view.image)) {
       if (taken(view.image, line.line)) continue;
       double best = INFINITY, second = INFINITY;
       for (const auto& [key, samples] : contours) {
         if (key.first != line.is_circle) continue;
-        const Closeness c = line.is_circle ? ArcClosenessOf(line, samples, tolerance_px) : ClosenessOf(line, samples, kSpacingPx, tolerance_px);
+        const Closeness c = line.is_circle ? ArcClosenessOf(line, samples, tolerance_px)
+                                           : ClosenessOf(line, samples, kSpacingPx, tolerance_px);
         if (c.covered < kLeastCovered) continue;
-        if (c.mean_px < best) { second = best; best = c.mean_px; line.contour = key.second; }
-        else second = std::min(second, c.mean_px);
+        if (c.mean_px < best) {
+          second = best;
+          best = c.mean_px;
+          line.contour = key.second;
+        } else
+          second = std::min(second, c.mean_px);
       }
       if (best <= tolerance_px && second - best > kDistinctPx) out.push_back(std::move(line));
     }
@@ -516,7 +572,9 @@ void SetDesignation(const FitAnswer& answer, const FitQuestion& q, Part& part) {
   ReconstructedPart measured;
   measured.object = answer.object;
   measured.covariance = answer.covariance;
-  for (const auto& d : part.dimensions) measured.dimensions.push_back({d.name, d.value_mm, d.sigma_mm, d.observable || q.fixed_mm.contains(d.name), d.origin});
+  for (const auto& d : part.dimensions)
+    measured.dimensions.push_back(
+        {d.name, d.value_mm, d.sigma_mm, d.observable || q.fixed_mm.contains(d.name), d.origin});
   const Designation size = Designate(measured);
   part.designation = size.name;
   part.standard = size.standard;
@@ -540,13 +598,16 @@ Part PartOfFit(const FitAnswer& answer, const FitQuestion& q) {
   const auto defs = q.model->dimensions();
   for (std::size_t i = 0; i < defs.size(); ++i) {
     DimensionValue d{defs[i].name, object.dimensions_mm[i], answer.sigma_mm[i], answer.observable[i], ""};
-    if (q.fixed_mm.contains(d.name)) d.origin = "given by the operator", d.observable = false, d.sigma_mm = 0;
-    else if (!d.observable) d.origin = "not determined by the picked lines: what is usual for this kind";
+    if (q.fixed_mm.contains(d.name))
+      d.origin = "given by the operator", d.observable = false, d.sigma_mm = 0;
+    else if (!d.observable)
+      d.origin = "not determined by the picked lines: what is usual for this kind";
     part.dimensions.push_back(std::move(d));
   }
   for (const auto& v : solid.vertices) {
     part.vertices.push_back(v.point);
-    part.vertex_sigma.push_back((v.by_state * answer.covariance * v.by_state.transpose()).diagonal().cwiseMax(0).cwiseSqrt());
+    part.vertex_sigma.push_back(
+        (v.by_state * answer.covariance * v.by_state.transpose()).diagonal().cwiseMax(0).cwiseSqrt());
   }
   for (const auto& e : solid.edges) part.edges.push_back({e.start, e.end});
   for (const auto& c : solid.circles) part.circles.push_back({c.center.point, c.normal, c.radius_mm});
@@ -560,14 +621,16 @@ Part PartOfFit(const FitAnswer& answer, const FitQuestion& q) {
     moved.SetState(state);
     const RigidTransform after = PlaceSolid(moved, false).world_from_part;
     by_state.block<3, 1>(0, i) = (after.translation - solid.world_from_part.translation) / kStep;
-    by_state.block<3, 1>(3, i) = VectorFromRotation(after.rotation * solid.world_from_part.rotation.transpose()) / kStep;
+    by_state.block<3, 1>(3, i) =
+        VectorFromRotation(after.rotation * solid.world_from_part.rotation.transpose()) / kStep;
     if (i >= kPlacementSize) by_state(i, i) = 1;
   }
   part.covariance = by_state * answer.covariance * by_state.transpose();
   for (std::size_t i = 0; i < q.picks.size(); ++i) {
     const Pick& p = q.picks[i];
     part.matches.push_back({p.image, p.line, p.contour, p.is_circle, answer.residual_px[i]});
-    if (std::find(part.images.begin(), part.images.end(), p.image) == part.images.end()) part.images.push_back(p.image);
+    if (std::find(part.images.begin(), part.images.end(), p.image) == part.images.end())
+      part.images.push_back(p.image);
   }
   std::sort(part.images.begin(), part.images.end());
   part.residual_px = answer.rms_px;

@@ -39,7 +39,11 @@ int ImageIndex(const std::string& file, const std::vector<std::string>& files) {
 Json MatchesToJson(const Part& part, const std::vector<std::string>& files) {
   Json list = Json::array();
   for (const auto& m : part.matches)
-    list.push_back({{"image", files.at(std::size_t(m.image))}, {"line", m.line}, {"edge", m.edge}, {"arc", m.is_arc}, {"residual_px", m.residual_px}});
+    list.push_back({{"image", files.at(std::size_t(m.image))},
+                    {"line", m.line},
+                    {"edge", m.edge},
+                    {"arc", m.is_arc},
+                    {"residual_px", m.residual_px}});
   return list;
 }
 
@@ -57,7 +61,8 @@ Json DimensionsToJson(const Part& part) {
 void ReadDimensions(const Json& json, Part& part) {
   for (const auto& [name, d] : json.items()) {
     const Json sigma = d.value("sigma", Json());
-    DimensionValue value{name, d.at("value").get<double>(), sigma.is_number() ? sigma.get<double>() : NAN, d.value("observable", true), d.value("origin", "")};
+    DimensionValue value{name, d.at("value").get<double>(), sigma.is_number() ? sigma.get<double>() : NAN,
+                         d.value("observable", true), d.value("origin", "")};
     if (!std::isfinite(value.value_mm)) throw std::runtime_error("a dimension is not finite");
     if (d.contains("nominal")) value.nominal_mm = d.at("nominal").get<double>();
     part.dimensions.push_back(std::move(value));
@@ -66,7 +71,8 @@ void ReadDimensions(const Json& json, Part& part) {
 
 void ReadMatches(const Json& json, const std::vector<std::string>& files, Part& part) {
   for (const auto& m : json)
-    part.matches.push_back({ImageIndex(m.at("image"), files), m.at("line").get<int>(), m.at("edge").get<int>(), m.value("arc", false), m.value("residual_px", 0.0)});
+    part.matches.push_back({ImageIndex(m.at("image"), files), m.at("line").get<int>(),
+                            m.at("edge").get<int>(), m.value("arc", false), m.value("residual_px", 0.0)});
 }
 
 Eigen::MatrixXd SquareMatrix(const Json& rows) {
@@ -97,12 +103,14 @@ StationPart Parse(const Json& json, const std::vector<std::string>& files) {
   ReadDimensions(json.at("dimensions"), part);
   part.vertices = Vectors(json.value("vertices", Json::array()));
   for (const auto& v : json.value("vertex_sigma", Json::array())) {
-    const bool known = v.is_array() && v.size() == 3 && v[0].is_number() && v[1].is_number() && v[2].is_number();
+    const bool known =
+        v.is_array() && v.size() == 3 && v[0].is_number() && v[1].is_number() && v[2].is_number();
     part.vertex_sigma.push_back(known ? Vector(v) : Vector3d::Constant(NAN));
   }
   for (const auto& e : json.value("edges", Json::array())) {
     const std::array<int, 2> edge{e.at(0).get<int>(), e.at(1).get<int>()};
-    if (std::min(edge[0], edge[1]) < 0 || std::max(edge[0], edge[1]) >= int(part.vertices.size())) throw std::runtime_error("an edge names a vertex that is not there");
+    if (std::min(edge[0], edge[1]) < 0 || std::max(edge[0], edge[1]) >= int(part.vertices.size()))
+      throw std::runtime_error("an edge names a vertex that is not there");
     part.edges.push_back(edge);
   }
   for (const auto& c : json.value("circles", Json::array()))
@@ -111,13 +119,17 @@ StationPart Parse(const Json& json, const std::vector<std::string>& files) {
   for (const auto& f : json.value("images", Json::array())) part.images.push_back(ImageIndex(f, files));
   ReadMatches(json.value("matches", Json::array()), files, part);
   if (json.contains("covariance")) part.covariance = SquareMatrix(json.at("covariance"));
-  if (const auto n = part.covariance.rows(); n > 0 && n < 6) throw std::runtime_error(fmt::format("the covariance has {} rows; a pose alone has 6", n));
+  if (const auto n = part.covariance.rows(); n > 0 && n < 6)
+    throw std::runtime_error(fmt::format("the covariance has {} rows; a pose alone has 6", n));
   part.residual_px = json.value("residual_px", 0.0);
   part.doubtful = json.value("doubtful", false);
   part.log_odds = json.value("log_odds", 0.0);
   part.remarks = json.value("remarks", part.remarks);
-  for (const auto& r : json.value("residuals", Json::array())) part.picture_residuals.push_back({ImageIndex(r.at("image"), files), r.at("rms_px").get<double>(), r.at("edges").get<int>()});
-  if (json.contains("runner_up")) part.runner_up = RunnerUp{json.at("runner_up").at("kind"), json.at("runner_up").value("log_odds", 0.0)};
+  for (const auto& r : json.value("residuals", Json::array()))
+    part.picture_residuals.push_back(
+        {ImageIndex(r.at("image"), files), r.at("rms_px").get<double>(), r.at("edges").get<int>()});
+  if (json.contains("runner_up"))
+    part.runner_up = RunnerUp{json.at("runner_up").at("kind"), json.at("runner_up").value("log_odds", 0.0)};
   out.confirmed = json.value("confirmed", false);
   out.doubt = json.value("doubt", "");
   return out;
@@ -126,26 +138,42 @@ StationPart Parse(const Json& json, const std::vector<std::string>& files) {
 }  // namespace
 
 Json JsonOf(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
-Json JsonOf(const Matrix3d& m) { return {JsonOf(Vector3d(m.row(0))), JsonOf(Vector3d(m.row(1))), JsonOf(Vector3d(m.row(2)))}; }
+Json JsonOf(const Matrix3d& m) {
+  return {JsonOf(Vector3d(m.row(0))), JsonOf(Vector3d(m.row(1))), JsonOf(Vector3d(m.row(2)))};
+}
 
 Json PartToJson(const StationPart& station, const std::vector<std::string>& files) {
   const Part& part = station.part;
-  Json out = {{"id", part.id}, {"kind", part.kind}, {"source", part.source}, {"resting_pose", part.resting_pose}, {"stands_on", part.stands_on},
-              {"residual_px", part.residual_px}, {"doubtful", part.doubtful}, {"log_odds", part.log_odds},
-              {"confirmed", station.confirmed}, {"doubt", station.doubt}};
-  out["pose"] = {{"position", JsonOf(part.world_from_part.translation)}, {"rotation", JsonOf(part.world_from_part.rotation)}, {"yaw", DegFromRad(part.yaw_rad)}};
+  Json out = {{"id", part.id},
+              {"kind", part.kind},
+              {"source", part.source},
+              {"resting_pose", part.resting_pose},
+              {"stands_on", part.stands_on},
+              {"residual_px", part.residual_px},
+              {"doubtful", part.doubtful},
+              {"log_odds", part.log_odds},
+              {"confirmed", station.confirmed},
+              {"doubt", station.doubt}};
+  out["pose"] = {{"position", JsonOf(part.world_from_part.translation)},
+                 {"rotation", JsonOf(part.world_from_part.rotation)},
+                 {"yaw", DegFromRad(part.yaw_rad)}};
   out["dimensions"] = DimensionsToJson(part);
   if (part.has_features) out["features"] = part.features;
   if (!part.designation.empty()) out["designation"] = part.designation, out["standard"] = part.standard;
   if (!part.designation_candidates.empty()) out["designation_candidates"] = part.designation_candidates;
-  for (const char* name : {"vertices", "vertex_sigma", "edges", "circles", "images"}) out[name] = Json::array();
+  for (const char* name : {"vertices", "vertex_sigma", "edges", "circles", "images"})
+    out[name] = Json::array();
   for (const auto& v : part.vertices) out["vertices"].push_back(JsonOf(v));
   for (const auto& v : part.vertex_sigma) out["vertex_sigma"].push_back(JsonOf(v));
   for (const auto& e : part.edges) out["edges"].push_back(e);
-  for (const auto& c : part.circles) out["circles"].push_back({{"center", JsonOf(c.center)}, {"normal", JsonOf(c.normal)}, {"radius", c.radius_mm}});
+  for (const auto& c : part.circles)
+    out["circles"].push_back(
+        {{"center", JsonOf(c.center)}, {"normal", JsonOf(c.normal)}, {"radius", c.radius_mm}});
   for (int i : part.images) out["images"].push_back(files.at(std::size_t(i)));
   out["residuals"] = Json::array();
-  for (const auto& r : part.picture_residuals) out["residuals"].push_back({{"image", files.at(std::size_t(r.image))}, {"rms_px", r.rms_px}, {"edges", r.num_edges}});
+  for (const auto& r : part.picture_residuals)
+    out["residuals"].push_back(
+        {{"image", files.at(std::size_t(r.image))}, {"rms_px", r.rms_px}, {"edges", r.num_edges}});
   out["matches"] = MatchesToJson(part, files);
   if (part.covariance.size() > 0) {
     Json rows = Json::array();
@@ -156,7 +184,8 @@ Json PartToJson(const StationPart& station, const std::vector<std::string>& file
     out["covariance"] = std::move(rows);
   }
   if (!part.remarks.empty()) out["remarks"] = part.remarks;
-  if (part.runner_up) out["runner_up"] = {{"kind", part.runner_up->kind}, {"log_odds", part.runner_up->log_odds}};
+  if (part.runner_up)
+    out["runner_up"] = {{"kind", part.runner_up->kind}, {"log_odds", part.runner_up->log_odds}};
   return out;
 }
 
@@ -164,7 +193,8 @@ Result<int> IntOf(const Json& json, const char* name) {
   const auto at = json.find(name);
   if (at == json.end() || !at->is_number_integer()) return UsageError("{} must be a whole number", name);
   const auto value = at->get<std::int64_t>();
-  if (value < INT_MIN || value > INT_MAX || (at->is_number_unsigned() && at->get<std::uint64_t>() > INT_MAX)) return UsageError("{} is out of range", name);
+  if (value < INT_MIN || value > INT_MAX || (at->is_number_unsigned() && at->get<std::uint64_t>() > INT_MAX))
+    return UsageError("{} is out of range", name);
   return static_cast<int>(value);
 }
 
@@ -172,7 +202,9 @@ Result<StationPart> PartFromJson(const Json& json, const std::vector<std::string
   try {
     return Parse(json, files);
   } catch (const std::exception& e) {
-    const std::string id = json.is_object() && json.contains("id") && json["id"].is_string() ? json["id"].get<std::string>() : "?";
+    const std::string id = json.is_object() && json.contains("id") && json["id"].is_string()
+                               ? json["id"].get<std::string>()
+                               : "?";
     return InputError("part {}: {}", id, e.what());
   }
 }
@@ -185,22 +217,28 @@ PlacedObject PlacedObjectOf(const Part& part, const KnowledgeBase& knowledge) {
   object.model = model;
   std::vector<std::optional<double>> known;
   for (const auto& def : model->dimensions()) {
-    const auto at = std::find_if(part.dimensions.begin(), part.dimensions.end(), [&](const auto& d) { return d.name == def.name; });
+    const auto at = std::find_if(part.dimensions.begin(), part.dimensions.end(),
+                                 [&](const auto& d) { return d.name == def.name; });
     known.push_back(at == part.dimensions.end() ? std::nullopt : std::optional(at->value_mm));
   }
   object.dimensions_mm = model->UsualDimensions(known);
   const auto poses = model->resting_poses();
-  const auto pose = std::find_if(poses.begin(), poses.end(), [&](const auto& p) { return p.name == part.resting_pose; });
+  const auto pose =
+      std::find_if(poses.begin(), poses.end(), [&](const auto& p) { return p.name == part.resting_pose; });
   const Matrix3d& r = part.world_from_part.rotation;
   // Where the file does not name the resting pose: the one that leaves the least tilt.
   auto tilt = [&](const RestingPose& p) { return -(r * p.rested_from_part.transpose())(2, 2); };
-  const auto chosen = pose != poses.end() ? pose : std::min_element(poses.begin(), poses.end(), [&](const auto& a, const auto& b) { return tilt(a) < tilt(b); });
+  const auto chosen = pose != poses.end()
+                          ? pose
+                          : std::min_element(poses.begin(), poses.end(),
+                                             [&](const auto& a, const auto& b) { return tilt(a) < tilt(b); });
   object.resting_pose = static_cast<int>(chosen - poses.begin());
   const Matrix3d turn = r * chosen->rested_from_part.transpose();  // Rz(yaw) Rx(tilt_x) Ry(tilt_y)
   object.placement[3] = std::atan2(-turn(0, 1), turn(1, 1));
   object.placement[4] = std::asin(std::clamp(turn(2, 1), -1.0, 1.0));
   object.placement[5] = std::atan2(-turn(2, 0), turn(2, 2));
-  object.placement.head<3>() = part.world_from_part.translation - PlaceSolid(object, false).world_from_part.translation;
+  object.placement.head<3>() =
+      part.world_from_part.translation - PlaceSolid(object, false).world_from_part.translation;
   return object;
 }
 

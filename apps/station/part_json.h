@@ -17,8 +17,8 @@ inline constexpr int kFirstDrawnLine = 1000000;
 
 struct StationPart {
   Part part;
-  bool confirmed = false;              // a person looked and said yes
-  std::string doubt;                   // why a person should look: a sentence; empty where there is no reason
+  bool confirmed = false;  // a person looked and said yes
+  std::string doubt;       // why a person should look: a sentence; empty where there is no reason
 };
 
 Json JsonOf(const Eigen::Vector3d& v);
@@ -29,7 +29,8 @@ Result<int> IntOf(const Json& json, const char* name);
 // Errors name the field. Pictures are found by their file names.
 Result<StationPart> PartFromJson(const Json& json, const std::vector<std::string>& image_files);
 
-// The object of the knowledge base at the part's place: empty `model` where the knowledge base has no such kind.
+// The object of the knowledge base at the part's place: empty `model` where the knowledge base has no such
+// kind.
 PlacedObject PlacedObjectOf(const Part& part, const KnowledgeBase& knowledge);
 
 }  // namespace vss::station

@@ -10,9 +10,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kLeastShare = 0.02;        // of its length that a piece has
-constexpr double kOnEndMm = 1e-6;           // a vertex so near to an end of the part lies on it
-constexpr double kFacingSine = 1e-9;        // a ray along a triangle does not meet it
+constexpr double kLeastShare = 0.02;  // of its length that a piece has
+constexpr double kOnEndMm = 1e-6;     // a vertex so near to an end of the part lies on it
+constexpr double kFacingSine = 1e-9;  // a ray along a triangle does not meet it
 
 // A part that is the same all along its x axis.
 struct Bar {
@@ -24,18 +24,26 @@ struct Bar {
 
 Result<Bar> BarOf(const Part& part, const KnowledgeBase& knowledge) {
   Bar bar{PlacedObjectOf(part, knowledge)};
-  if (!bar.object.model) return UsageError("the knowledge base has no kind \"{}\"; it cannot be split", part.kind);
+  if (!bar.object.model)
+    return UsageError("the knowledge base has no kind \"{}\"; it cannot be split", part.kind);
   const auto defs = bar.object.model->dimensions();
-  bar.length = std::size_t(std::find_if(defs.begin(), defs.end(), [](const auto& d) { return d.name == "length"; }) - defs.begin());
-  if (bar.length >= defs.size()) return UsageError("a {} has no length along which it could be split", part.kind);
+  bar.length =
+      std::size_t(std::find_if(defs.begin(), defs.end(), [](const auto& d) { return d.name == "length"; }) -
+                  defs.begin());
+  if (bar.length >= defs.size())
+    return UsageError("a {} has no length along which it could be split", part.kind);
   bar.whole_mm = bar.object.dimensions_mm[bar.length];
   const Solid solid = bar.object.model->InstantiateUnchecked(bar.object.dimensions_mm);
-  const bool same = solid.circles.empty() && std::all_of(solid.vertices.begin(), solid.vertices.end(), [&](const SolidPoint& v) {
-    return std::abs(std::abs(v.point_in_part.x()) - bar.whole_mm / 2) < kOnEndMm;
-  });
-  if (!same) return UsageError("a {} is not the same all along its length; build its pieces by hand", part.kind);
+  const bool same = solid.circles.empty() &&
+                    std::all_of(solid.vertices.begin(), solid.vertices.end(), [&](const SolidPoint& v) {
+                      return std::abs(std::abs(v.point_in_part.x()) - bar.whole_mm / 2) < kOnEndMm;
+                    });
+  if (!same)
+    return UsageError("a {} is not the same all along its length; build its pieces by hand", part.kind);
   bar.least_share = std::max(kLeastShare, defs[bar.length].min_mm / bar.whole_mm);
-  if (bar.least_share > 0.5) return UsageError("a {} is at least {:g} mm long, and this one {:.0f} mm: it cannot be split", part.kind, defs[bar.length].min_mm, bar.whole_mm);
+  if (bar.least_share > 0.5)
+    return UsageError("a {} is at least {:g} mm long, and this one {:.0f} mm: it cannot be split", part.kind,
+                      defs[bar.length].min_mm, bar.whole_mm);
   return bar;
 }
 
@@ -56,7 +64,8 @@ Vector3d PointedAt(const WorldSolid& solid, const View& view, const Eigen::Vecto
   std::optional<double> nearest;
   for (const auto& face : solid.faces)
     for (const auto& t : face.triangles)
-      if (const auto along = Meet(view.center_in_world, ray, t); along && (!nearest || *along < *nearest)) nearest = along;
+      if (const auto along = Meet(view.center_in_world, ray, t); along && (!nearest || *along < *nearest))
+        nearest = along;
   if (nearest) return view.center_in_world + *nearest * ray;
   Vector3d middle = Vector3d::Zero();
   for (const auto& v : solid.vertices) middle += v.point / double(solid.vertices.size());
@@ -69,9 +78,14 @@ Vector3d PointedAt(const WorldSolid& solid, const View& view, const Eigen::Vecto
 // Box: the contract calls its longer horizontal side its length.
 void PutLongerSideFirst(PlacedObject& box) {
   const auto defs = box.model->dimensions();
-  const auto at = [&](const char* name) { return std::size_t(std::find_if(defs.begin(), defs.end(), [&](const auto& d) { return d.name == name; }) - defs.begin()); };
+  const auto at = [&](const char* name) {
+    return std::size_t(std::find_if(defs.begin(), defs.end(), [&](const auto& d) { return d.name == name; }) -
+                       defs.begin());
+  };
   const std::size_t length = at("length"), width = at("width");
-  if (box.model->kind() != "box" || length >= defs.size() || width >= defs.size() || box.dimensions_mm[length] >= box.dimensions_mm[width]) return;
+  if (box.model->kind() != "box" || length >= defs.size() || width >= defs.size() ||
+      box.dimensions_mm[length] >= box.dimensions_mm[width])
+    return;
   std::swap(box.dimensions_mm[length], box.dimensions_mm[width]);
   box.placement[3] = std::remainder(box.placement[3] + kPi / 2, 2 * kPi);
 }
@@ -83,7 +97,8 @@ Result<Json> CutPreview(Workspace& w, const Json& body) {
   VSS_ASSIGN(const Bar bar, BarOf(old.first.part, w.knowledge()));
   VSS_ASSIGN(const int image, IntOf(body, "image"));
   const std::vector<View> views = w.Views();
-  if (image < 0 || std::size_t(image) >= views.size()) return UsageError("there is no picture number {}", image);
+  if (image < 0 || std::size_t(image) >= views.size())
+    return UsageError("there is no picture number {}", image);
   const Eigen::Vector2d img = PointOf(body.at("at"));
   if (!w.Inside(image, img)) return UsageError("point at the part inside the picture");
   const View& view = views[std::size_t(image)];
@@ -95,9 +110,13 @@ Result<Json> CutPreview(Workspace& w, const Json& body) {
   Occluders occluders;
   int owner = 0;
   for (const auto& p : w.Parts())
-    if (const PlacedObject object = PlacedObjectOf(p.part, w.knowledge()); object.model) occluders.Add(PlaceSolid(object, false), owner++);
-  const auto pieces = ProjectCut(solid, world_from_part.translation + (share - 0.5) * bar.whole_mm * axis, axis, view, occluders);
-  return Json{{"share", share}, {"lengths", {share * bar.whole_mm, (1 - share) * bar.whole_mm}}, {"pieces", PiecesToJson(pieces)}};
+    if (const PlacedObject object = PlacedObjectOf(p.part, w.knowledge()); object.model)
+      occluders.Add(PlaceSolid(object, false), owner++);
+  const auto pieces = ProjectCut(solid, world_from_part.translation + (share - 0.5) * bar.whole_mm * axis,
+                                 axis, view, occluders);
+  return Json{{"share", share},
+              {"lengths", {share * bar.whole_mm, (1 - share) * bar.whole_mm}},
+              {"pieces", PiecesToJson(pieces)}};
 }
 
 // Into two of the same section, at `share` of its length: a cut that the operator sees in the pictures.
@@ -106,7 +125,9 @@ Result<Edit> SplitPart(const Context& c) {
   VSS_ASSIGN(const auto old, w.FindPart(PartId(c.body)));
   VSS_ASSIGN(const Bar bar, BarOf(old.first.part, w.knowledge()));
   const double share = c.body.at("share").get<double>();
-  if (!(share >= bar.least_share && share <= 1 - bar.least_share)) return UsageError("this part is split between {:.1f} % and {:.1f} % of its length", 100 * bar.least_share, 100 * (1 - bar.least_share));
+  if (!(share >= bar.least_share && share <= 1 - bar.least_share))
+    return UsageError("this part is split between {:.1f} % and {:.1f} % of its length", 100 * bar.least_share,
+                      100 * (1 - bar.least_share));
   Edit edit{fmt::format("split {}", old.first.part.id), {}};
   for (int half = 0; half < 2; ++half) {
     PlacedObject piece = bar.object;
@@ -127,10 +148,18 @@ Result<Edit> SplitPart(const Context& c) {
     part.part.covariance.resize(0, 0);
     part.part.vertex_sigma.clear();
     for (auto& d : part.part.dimensions) {
-      const std::string name = !turned ? d.name : d.name == "length" ? "width" : d.name == "width" ? "length" : d.name;
-      const auto at = std::find_if(old.first.part.dimensions.begin(), old.first.part.dimensions.end(), [&](const auto& o) { return o.name == name; });
-      if (at != old.first.part.dimensions.end()) d.sigma_mm = at->sigma_mm, d.observable = at->observable, d.origin = at->origin, d.nominal_mm = at->nominal_mm;
-      if (name == "length") d.observable = false, d.origin = "where the operator split the part; measure it", d.nominal_mm.reset();
+      const std::string name = !turned              ? d.name
+                               : d.name == "length" ? "width"
+                               : d.name == "width"  ? "length"
+                                                    : d.name;
+      const auto at = std::find_if(old.first.part.dimensions.begin(), old.first.part.dimensions.end(),
+                                   [&](const auto& o) { return o.name == name; });
+      if (at != old.first.part.dimensions.end())
+        d.sigma_mm = at->sigma_mm, d.observable = at->observable, d.origin = at->origin,
+        d.nominal_mm = at->nominal_mm;
+      if (name == "length")
+        d.observable = false, d.origin = "where the operator split the part; measure it",
+        d.nominal_mm.reset();
     }
     part.part.designation = old.first.part.designation;
     part.part.standard = old.first.part.standard;

@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr double kSamePlaceMm = 60;     // two findings of one object lie nearer than that, and less than
+constexpr double kSamePlaceMm = 60;       // two findings of one object lie nearer than that, and less than
 constexpr double kSamePlaceShare = 0.25;  // that share of its smaller extent
 
 std::optional<std::string> BadDrawnLine(const LineSegment& s) {
@@ -44,7 +44,9 @@ std::optional<EllipticalArc> DrawnArcFromJson(const Json& j, const Intrinsics& l
   arc.bright_inside = j.value("bright_inside", false);
   arc.rms_distance_px = j.value("rms_px", 1.0);
   arc.num_points = j.value("points", 1);
-  if (!arc.center.allFinite() || !arc.axes.allFinite() || !(arc.axes.minCoeff() > 0) || !StraightenArc(lens, arc)) return std::nullopt;
+  if (!arc.center.allFinite() || !arc.axes.allFinite() || !(arc.axes.minCoeff() > 0) ||
+      !StraightenArc(lens, arc))
+    return std::nullopt;
   return arc;
 }
 
@@ -55,7 +57,10 @@ EditedLines Edit(const LineImage& found, const Json& edits, const Intrinsics& le
   for (const auto& r : edits.value("removed", Json::array())) {
     const std::size_t i = r.at("line").get<std::size_t>();
     // The number holds only while the detector's parameters are the same: the place decides.
-    if (i < found.segments.size() && (found.segments[i].start - Vector2d(r.at("start").at(0).get<double>(), r.at("start").at(1).get<double>())).norm() < 0.5) out.removed[i] = true;
+    if (i < found.segments.size() && (found.segments[i].start - Vector2d(r.at("start").at(0).get<double>(),
+                                                                         r.at("start").at(1).get<double>()))
+                                             .norm() < 0.5)
+      out.removed[i] = true;
   }
   for (const auto& d : edits.value("drawn", Json::array())) {
     const LineSegment s = DrawnFromJson(d, lens);
@@ -72,7 +77,8 @@ std::vector<Vector2d> ArcPoints(const EllipticalArc& a) {
   const Eigen::Rotation2Dd turn(a.ideal_angle_rad);
   for (int k = 0; k < kPoints; ++k) {
     const double t = a.ideal_from_rad + (a.ideal_to_rad - a.ideal_from_rad) * (k + 0.5) / kPoints;
-    points.push_back(a.ideal_center + turn * Vector2d(a.ideal_axes.x() * std::cos(t), a.ideal_axes.y() * std::sin(t)));
+    points.push_back(a.ideal_center +
+                     turn * Vector2d(a.ideal_axes.x() * std::cos(t), a.ideal_axes.y() * std::sin(t)));
   }
   return points;
 }
@@ -117,7 +123,9 @@ bool SamePlace(const Part& a, const Part& b) {
 
 bool KeptByPerson(const StationPart& p) { return p.confirmed || p.part.source != "automatic"; }
 
-Eigen::Vector3d VectorOf(const Json& j) { return {j.at(0).get<double>(), j.at(1).get<double>(), j.at(2).get<double>()}; }
+Eigen::Vector3d VectorOf(const Json& j) {
+  return {j.at(0).get<double>(), j.at(1).get<double>(), j.at(2).get<double>()};
+}
 
 RigidTransform TransformFromJson(const Json& j) {
   RigidTransform t;
@@ -126,9 +134,13 @@ RigidTransform TransformFromJson(const Json& j) {
   return t;
 }
 
-std::string PartsOf(const Product& product) { return fmt::format("{} part{}", product.parts.size(), product.parts.size() == 1 ? "" : "s"); }
+std::string PartsOf(const Product& product) {
+  return fmt::format("{} part{}", product.parts.size(), product.parts.size() == 1 ? "" : "s");
+}
 
-Json JsonOfUnknown(const UnknownGroup& u) { return {{"center", JsonOf(u.center)}, {"extent", JsonOf(u.extent)}, {"num_lines", u.num_lines}}; }
+Json JsonOfUnknown(const UnknownGroup& u) {
+  return {{"center", JsonOf(u.center)}, {"extent", JsonOf(u.extent)}, {"num_lines", u.num_lines}};
+}
 
 }  // namespace
 
@@ -177,7 +189,8 @@ FlatLineImage FlatLines(const EditedLines& lines) {
 
 std::string DoubtOf(const Part& part) {
   if (part.doubtful && part.runner_up && !part.runner_up->kind.empty())
-    return fmt::format("It could also be a {}: {:.0f} speaks for it, {:.0f} for this.", part.runner_up->kind, part.runner_up->log_odds, part.log_odds);
+    return fmt::format("It could also be a {}: {:.0f} speaks for it, {:.0f} for this.", part.runner_up->kind,
+                       part.runner_up->log_odds, part.log_odds);
   if (part.doubtful) return fmt::format("Little speaks for it (log-odds {:.0f}).", part.log_odds);
   std::string hidden;
   for (const auto& d : part.dimensions)
@@ -185,7 +198,8 @@ std::string DoubtOf(const Part& part) {
   return hidden.empty() ? "" : fmt::format("No picture shows its {}.", hidden);
 }
 
-Result<std::unique_ptr<Workspace>> Workspace::Open(const std::filesystem::path& folder, const WorkspaceOptions& options) {
+Result<std::unique_ptr<Workspace>> Workspace::Open(const std::filesystem::path& folder,
+                                                   const WorkspaceOptions& options) {
   std::unique_ptr<Workspace> w(new Workspace);
   w->options_ = options;
   VSS_ASSIGN(w->own_survey_, ReadSurvey(folder));
@@ -207,7 +221,8 @@ Workspace::~Workspace() {
 Result<SurveyOptions> Workspace::Options() const {
   VSS_ASSIGN(auto options, OptionsOf(survey()));
   if (const auto item = store_->Get("settings", "parameters"))
-    for (const auto& [name, value] : item->value->items()) VSS_RETURN_IF_ERROR(SetSurveyParameter(name, value.get<double>(), options));
+    for (const auto& [name, value] : item->value->items())
+      VSS_RETURN_IF_ERROR(SetSurveyParameter(name, value.get<double>(), options));
   options.threads = options_.threads;
   return options;
 }
@@ -222,7 +237,8 @@ SurveyOptions Workspace::OptionsOfLastRun(std::int64_t* version) const {
   if (const auto item = store_->Get("settings", "run")) {
     const Json parameters = item->value->value("parameters", Json::object());
     for (const auto& [name, value] : parameters.items())
-      (void)SetSurveyParameter(name, value.get<double>(), options);  // a parameter that this program no longer has changes nothing
+      (void)SetSurveyParameter(name, value.get<double>(),
+                               options);  // a parameter that this program no longer has changes nothing
   }
   std::lock_guard lock(mutex_);
   last_options_ = {*version, options};
@@ -250,7 +266,8 @@ Result<std::shared_ptr<const LineImage>> Workspace::FoundLines(int image) {
 }
 
 Result<std::shared_ptr<const EditedLines>> Workspace::Lines(int image) {
-  if (image < 0 || std::size_t(image) >= survey().images.size()) return UsageError("there is no picture number {}", image);
+  if (image < 0 || std::size_t(image) >= survey().images.size())
+    return UsageError("there is no picture number {}", image);
   VSS_ASSIGN(const auto found, FoundLines(image));
   const std::int64_t version = store_->Version("lines", image_files_[std::size_t(image)]);
   {
@@ -260,7 +277,8 @@ Result<std::shared_ptr<const EditedLines>> Workspace::Lines(int image) {
   }
   const auto item = store_->Get("lines", image_files_[std::size_t(image)]);
   const Camera& camera = survey().cameras[std::size_t(survey().images[std::size_t(image)].camera)];
-  auto edited = std::make_shared<EditedLines>(Edit(*found, item ? *item->value : Json::object(), camera.intrinsics));
+  auto edited =
+      std::make_shared<EditedLines>(Edit(*found, item ? *item->value : Json::object(), camera.intrinsics));
   edited->version = version;
   std::lock_guard lock(mutex_);
   Found& known = found_[std::size_t(image)];
@@ -275,15 +293,20 @@ void Workspace::PrepareLines(const std::vector<int>& images) {
   {
     std::lock_guard lock(mutex_);
     for (int i : images)
-      if (i >= 0 && std::size_t(i) < found_.size() && !(found_[std::size_t(i)].lines && found_[std::size_t(i)].run_version == version && found_[std::size_t(i)].survey == &survey()))
+      if (i >= 0 && std::size_t(i) < found_.size() &&
+          !(found_[std::size_t(i)].lines && found_[std::size_t(i)].run_version == version &&
+            found_[std::size_t(i)].survey == &survey()))
         missing.push_back(i);
   }
-  if (missing.empty()) return;  // waking the other threads for nothing takes longer than a fit where the machine is busy
-  ParallelFor(missing.size(), options_.threads, [&](std::size_t i) { (void)Lines(missing[i]); });  // who asks for them hears why not
+  if (missing.empty())
+    return;  // waking the other threads for nothing takes longer than a fit where the machine is busy
+  ParallelFor(missing.size(), options_.threads,
+              [&](std::size_t i) { (void)Lines(missing[i]); });  // who asks for them hears why not
 }
 
 std::vector<StationPart> Workspace::Parts() const {
-  const std::int64_t revision = store_->Revision();  // before the parts: what came since then is read anew by the next
+  const std::int64_t revision =
+      store_->Revision();  // before the parts: what came since then is read anew by the next
   {
     std::lock_guard lock(mutex_);
     if (last_parts_.first == revision) return last_parts_.second;
@@ -313,10 +336,12 @@ std::vector<View> Workspace::Views() const {
   std::vector<View> views = MakeViews(survey, std::vector<LineImage>(survey.images.size()));
   const auto run = store_->Get("settings", "run");
   // Places that a run found hold for the cameras that it was made with.
-  const Json places = run && !RunIsOfOtherCameras() ? run->value->value("cam_from_world", Json::array()) : Json::array();
+  const Json places =
+      run && !RunIsOfOtherCameras() ? run->value->value("cam_from_world", Json::array()) : Json::array();
   for (auto& view : views) {
     const bool known = places.size() == views.size();
-    const RigidTransform cam_from_world = known ? TransformFromJson(places[std::size_t(view.image)]) : view.cam_from_world;
+    const RigidTransform cam_from_world =
+        known ? TransformFromJson(places[std::size_t(view.image)]) : view.cam_from_world;
     view = MakeView(view.image, *view.camera, cam_from_world, view.stop, nullptr);
   }
   std::lock_guard lock(mutex_);
@@ -324,7 +349,8 @@ std::vector<View> Workspace::Views() const {
   return views;
 }
 
-Result<Pick> MakePick(const EditedLines& lines, const std::string& file, int image, int line, int contour, bool is_circle) {
+Result<Pick> MakePick(const EditedLines& lines, const std::string& file, int image, int line, int contour,
+                      bool is_circle) {
   Pick pick;
   if (is_circle) {
     const EllipticalArc* arc = lines.FindArc(line);
@@ -344,7 +370,8 @@ std::vector<Pick> Workspace::PicksOf(int image) {
   const auto lines = Lines(image);
   if (!lines) return picks;
   const auto [flat, segments, arcs] = FlatLines(**lines);
-  for (std::size_t i = 0; i < flat.segments.size(); ++i) picks.push_back(PickOfSegment(image, segments[i], flat.segments[i]));
+  for (std::size_t i = 0; i < flat.segments.size(); ++i)
+    picks.push_back(PickOfSegment(image, segments[i], flat.segments[i]));
   for (std::size_t i = 0; i < flat.arcs.size(); ++i) picks.push_back(PickOfArc(image, arcs[i], flat.arcs[i]));
   return picks;
 }
@@ -383,19 +410,24 @@ Result<Part> Workspace::Measured(const Part& part) const {
     found.push_back(std::move(one));
   }
   for (std::size_t i = 0; i < parts.size(); ++i)
-    if (const auto at = index.find(parts[i].part.stands_on); at != index.end()) found[i].stands_on = at->second;
+    if (const auto at = index.find(parts[i].part.stands_on); at != index.end())
+      found[i].stands_on = at->second;
   const auto mine = index.find(part.id);
-  if (mine == index.end()) return UsageError("the knowledge base has no kind \"{}\"; it cannot be measured", part.kind);
+  if (mine == index.end())
+    return UsageError("the knowledge base has no kind \"{}\"; it cannot be measured", part.kind);
   VSS_ASSIGN(const auto pictures, ReadSurveyPictures(survey(), options_.threads, Progress{}));
   std::vector<GreyView> grey;
   for (const auto& picture : pictures) grey.push_back(picture.view());
-  VSS_ASSIGN(const Reconstruction all, ReconstructScene(views, grey, found, options.reconstruct, options_.threads, Progress{}));
+  VSS_ASSIGN(const Reconstruction all,
+             ReconstructScene(views, grey, found, options.reconstruct, options_.threads, Progress{}));
   const ReconstructedPart& measured = all.parts[std::size_t(mine->second)];
-  if (measured.views.empty()) return UsageError("no picture shows edges of {} where it is; correct its lines first", part.id);
+  if (measured.views.empty())
+    return UsageError("no picture shows edges of {} where it is; correct its lines first", part.id);
   Part out = part;
   SetReconstruction(measured, views, out);
   for (const auto& m : out.matches)  // a picture with a line of the part stays one of its pictures
-    if (std::find(out.images.begin(), out.images.end(), m.image) == out.images.end()) out.images.push_back(m.image);
+    if (std::find(out.images.begin(), out.images.end(), m.image) == out.images.end())
+      out.images.push_back(m.image);
   std::sort(out.images.begin(), out.images.end());
   return out;
 }
@@ -412,7 +444,8 @@ Result<ReportFiles> Workspace::Report() {
   // The station's numbers of lines to places in `lines`; a line that was removed is left out.
   for (auto& part : product.parts)
     std::erase_if(part.matches, [&](ContourMatch& m) {
-      const auto& of = m.is_arc ? numbers[std::size_t(m.image)].arc_numbers : numbers[std::size_t(m.image)].segment_numbers;
+      const auto& of = m.is_arc ? numbers[std::size_t(m.image)].arc_numbers
+                                : numbers[std::size_t(m.image)].segment_numbers;
       const auto at = std::find(of.begin(), of.end(), m.line);
       m.line = int(at - of.begin());
       return at == of.end();
@@ -427,7 +460,8 @@ Result<ReportFiles> Workspace::Report() {
   input.lines = lines;
   input.image_files = image_files_;
   if (const auto run = store_->Get("settings", "run"))
-    for (const auto& s : run->value->value("steps", Json::array())) input.step_seconds.emplace_back(s.value("step", ""), s.value("seconds", 0.0));
+    for (const auto& s : run->value->value("steps", Json::array()))
+      input.step_seconds.emplace_back(s.value("step", ""), s.value("seconds", 0.0));
   input.parameters = SurveyParameters(OptionsOfLastRun(&version));
   input.picture = [this](int image) { return ReadSurveyPicture(survey(), image); };
   input.num_cameras = int(survey().cameras.size());
@@ -454,10 +488,15 @@ std::vector<Change> Workspace::ChangesOfProduct(const Product& product) const {
   std::map<std::string, std::string> new_id;
   std::vector<StationPart> fresh;
   for (const auto& part : product.parts) {
-    const auto same = std::find_if(kept.begin(), kept.end(), [&](const auto& k) { return SamePlace(k.part, part); });
-    if (same != kept.end()) { new_id[part.id] = same->part.id; continue; }
+    const auto same =
+        std::find_if(kept.begin(), kept.end(), [&](const auto& k) { return SamePlace(k.part, part); });
+    if (same != kept.end()) {
+      new_id[part.id] = same->part.id;
+      continue;
+    }
     const auto before = std::find_if(old.begin(), old.end(), [&](const auto& o) {
-      return !KeptByPerson(o) && SamePlace(o.part, part) && std::find(used.begin(), used.end(), o.part.id) == used.end();
+      return !KeptByPerson(o) && SamePlace(o.part, part) &&
+             std::find(used.begin(), used.end(), o.part.id) == used.end();
     });
     StationPart p{part, false, DoubtOf(part)};
     p.part.id = before != old.end() ? before->part.id : FreePartId(used);
@@ -470,7 +509,8 @@ std::vector<Change> Workspace::ChangesOfProduct(const Product& product) const {
     changes.push_back({"part", p.part.id, PartToJson(p, image_files_), {}});
   }
   for (const auto& o : old)
-    if (!KeptByPerson(o) && std::find(used.begin(), used.end(), o.part.id) == used.end()) changes.push_back({"part", o.part.id, std::nullopt, {}});
+    if (!KeptByPerson(o) && std::find(used.begin(), used.end(), o.part.id) == used.end())
+      changes.push_back({"part", o.part.id, std::nullopt, {}});
   return changes;
 }
 
@@ -490,7 +530,8 @@ void Workspace::Tell(const std::function<void(const Json&)>& tell, Json state) {
 Status Workspace::Start(const char* job, Work work, std::function<void(const Json&)> tell) {
   {
     std::lock_guard lock(mutex_);
-    if (run_state_["state"] == "running") return UsageError("a {} is under way; wait for it or cancel it", run_state_.value("job", "run"));
+    if (run_state_["state"] == "running")
+      return UsageError("a {} is under way; wait for it or cancel it", run_state_.value("job", "run"));
     run_state_ = {{"job", job}, {"state", "running"}, {"step", "start"}, {"done", 0}, {"total", 1}};
   }
   if (runner_.joinable()) runner_.join();
@@ -502,7 +543,9 @@ Status Workspace::Start(const char* job, Work work, std::function<void(const Jso
     };
     Progress progress;
     progress.cancel = &cancel_;
-    progress.report = [&](std::string_view step, int done, int total) { say({{"state", "running"}, {"step", step}, {"done", done}, {"total", total}}); };
+    progress.report = [&](std::string_view step, int done, int total) {
+      say({{"state", "running"}, {"step", step}, {"done", done}, {"total", total}});
+    };
     const auto outcome = [&]() -> Result<Json> {
       try {
         return work(progress);
@@ -510,7 +553,9 @@ Status Workspace::Start(const char* job, Work work, std::function<void(const Jso
         return tl::unexpected<Error>({ErrorCode::kInternal, e.what()});
       }
     }();
-    if (!outcome) return say({{"state", outcome.error().code == ErrorCode::kCancelled ? "cancelled" : "failed"}, {"message", outcome.error().message}});
+    if (!outcome)
+      return say({{"state", outcome.error().code == ErrorCode::kCancelled ? "cancelled" : "failed"},
+                  {"message", outcome.error().message}});
     Json done = *outcome;
     done["state"] = "done";
     say(std::move(done));
@@ -520,18 +565,25 @@ Status Workspace::Start(const char* job, Work work, std::function<void(const Jso
 
 Status Workspace::StartRun(const std::string& who, std::function<void(const Json&)> tell) {
   VSS_ASSIGN(const SurveyOptions options, Options());
-  return Start("survey", [this, who, options](const Progress& progress) { return Run(who, options, progress); }, std::move(tell));
+  return Start(
+      "survey", [this, who, options](const Progress& progress) { return Run(who, options, progress); },
+      std::move(tell));
 }
 
-Status Workspace::StartCalibration(const std::string& who, const std::string& name, const std::string& model, const Json& values, std::function<void(const Json&)> tell) {
+Status Workspace::StartCalibration(const std::string& who, const std::string& name, const std::string& model,
+                                   const Json& values, std::function<void(const Json&)> tell) {
   const auto jobs = FindCalibrationJobs(survey().folder);
   const auto file = std::find_if(jobs.begin(), jobs.end(), [&](const auto& j) { return j.name == name; });
-  if (file == jobs.end()) return UsageError("there is no calibration job \"{}\" in the survey's folder or beside it", name.substr(0, 200));
-  if (model != "weng" && model != "opencv") return UsageError("there is no lens model \"{}\"; choose weng or opencv", model.substr(0, 40));
+  if (file == jobs.end())
+    return UsageError("there is no calibration job \"{}\" in the survey's folder or beside it",
+                      name.substr(0, 200));
+  if (model != "weng" && model != "opencv")
+    return UsageError("there is no lens model \"{}\"; choose weng or opencv", model.substr(0, 40));
   CalibrationOptions options;
   options.opencv = model == "opencv";
   for (const auto& [parameter, value] : values.items()) {
-    VSS_ASSIGN(const bool known, SetParameter(CalibrationParameters(), parameter, value.get<double>(), options));
+    VSS_ASSIGN(const bool known,
+               SetParameter(CalibrationParameters(), parameter, value.get<double>(), options));
     if (!known) return UsageError("calibration has no parameter {}", parameter.substr(0, 60));
   }
   VSS_ASSIGN(const CalibrationJob job, ReadCalibrationJob(file->path));
@@ -541,7 +593,8 @@ Status Workspace::StartCalibration(const std::string& who, const std::string& na
         VSS_ASSIGN(const Calibration calibration, Calibrate(job, options, options_.threads, progress));
         std::string ids;
         for (const auto& c : calibration.cameras) ids += (ids.empty() ? "" : ", ") + c.camera.id;
-        const auto revision = store_->Apply(who, fmt::format("calibrate {} ({})", ids, name), {{"calibration", "last", JsonOf(calibration, name, model), {}}});
+        const auto revision = store_->Apply(who, fmt::format("calibrate {} ({})", ids, name),
+                                            {{"calibration", "last", JsonOf(calibration, name, model), {}}});
         if (!revision) return tl::unexpected<Error>({ErrorCode::kInternal, revision.error().message});
         return Json{{"message", ids}, {"revision", *revision}};
       },
@@ -570,7 +623,8 @@ void Workspace::UseCameras() {
     auto read = SurveyWithCameras(own_survey_, Json::parse(files));
     if (!read) {
       read = own_survey_;
-      read->warnings.push_back("the cameras that were taken over do not fit the survey, and its own are used; calibrate again");
+      read->warnings.push_back(
+          "the cameras that were taken over do not fit the survey, and its own are used; calibrate again");
     }
     survey = std::make_unique<const Survey>(std::move(*read));
   }
@@ -579,7 +633,8 @@ void Workspace::UseCameras() {
 
 void Workspace::KeepLines(const Survey& survey, std::vector<LineImage> lines, std::int64_t run_version) {
   std::lock_guard lock(mutex_);
-  for (std::size_t i = 0; i < lines.size(); ++i) found_[i] = {run_version, &survey, std::make_shared<const LineImage>(std::move(lines[i])), -1, nullptr};
+  for (std::size_t i = 0; i < lines.size(); ++i)
+    found_[i] = {run_version, &survey, std::make_shared<const LineImage>(std::move(lines[i])), -1, nullptr};
 }
 
 Result<Json> Workspace::Run(const std::string& who, const SurveyOptions& options, const Progress& progress) {
@@ -587,10 +642,16 @@ Result<Json> Workspace::Run(const std::string& who, const SurveyOptions& options
   const std::string cameras = CamerasInUse();
   VSS_ASSIGN(auto outcome, RunSurvey(survey, options, progress));
   const Product& product = outcome.product;
-  Json run = {{"parameters", Json::object()}, {"unknown", Json::array()}, {"steps", Json::array()}, {"warnings", product.warnings}, {"cameras", cameras}};
+  Json run = {{"parameters", Json::object()},
+              {"unknown", Json::array()},
+              {"steps", Json::array()},
+              {"warnings", product.warnings},
+              {"cameras", cameras}};
   for (const auto& p : SurveyParameters(options)) run["parameters"][p.name] = p.value;
   for (const auto& u : product.unknown) run["unknown"].push_back(JsonOfUnknown(u));
-  for (const auto& t : outcome.cam_from_world) run["cam_from_world"].push_back({{"rotation", JsonOf(t.rotation)}, {"translation", JsonOf(t.translation)}});
+  for (const auto& t : outcome.cam_from_world)
+    run["cam_from_world"].push_back(
+        {{"rotation", JsonOf(t.rotation)}, {"translation", JsonOf(t.translation)}});
   for (const auto& s : outcome.steps) run["steps"].push_back({{"step", s.step}, {"seconds", s.seconds}});
   std::vector<Change> changes = ChangesOfProduct(product);
   changes.push_back({"settings", "run", run, {}});
@@ -602,7 +663,8 @@ Result<Json> Workspace::Run(const std::string& who, const SurveyOptions& options
 
 bool Workspace::Inside(int image, const Vector2d& img) const {
   const Camera& camera = survey().cameras[std::size_t(survey().images[std::size_t(image)].camera)];
-  return img.x() >= -0.5 && img.y() >= -0.5 && img.x() <= camera.width_px - 0.5 && img.y() <= camera.height_px - 0.5;
+  return img.x() >= -0.5 && img.y() >= -0.5 && img.x() <= camera.width_px - 0.5 &&
+         img.y() <= camera.height_px - 0.5;
 }
 
 Result<GreyImage> Workspace::Picture(int image) const {
@@ -618,14 +680,17 @@ Result<LineSegment> Workspace::Snap(int image, const Vector2d& start, const Vect
   LineSegment drawn;
   drawn.start = start;
   drawn.end = end;
-  if (const auto bad = BadDrawnLine(drawn)) return UsageError("this line cannot be taken: {}; draw it again", *bad);
-  if (!Inside(image, start) || !Inside(image, end)) return UsageError("this line leaves the picture; draw it inside");
+  if (const auto bad = BadDrawnLine(drawn))
+    return UsageError("this line cannot be taken: {}; draw it again", *bad);
+  if (!Inside(image, start) || !Inside(image, end))
+    return UsageError("this line leaves the picture; draw it inside");
   VSS_ASSIGN(const auto picture, Picture(image));
   return SnapToEdge(picture.view(), camera.intrinsics, drawn);
 }
 
 Result<EllipticalArc> Workspace::SnapArc(int image, const std::array<Vector2d, 3>& clicked) {
-  if (image < 0 || std::size_t(image) >= survey().images.size()) return UsageError("there is no picture number {}", image);
+  if (image < 0 || std::size_t(image) >= survey().images.size())
+    return UsageError("there is no picture number {}", image);
   for (const auto& p : clicked)
     if (!Inside(image, p)) return UsageError("this curve leaves the picture; click inside it");
   VSS_ASSIGN(const auto picture, Picture(image));
