@@ -13,12 +13,4 @@ Response RunCommand(Workspace& workspace, const Request& request, const Json& bo
 // The names of all commands.
 std::vector<std::string> CommandNames();
 
-// A live fit: {"kind", "resting_pose"?, "stands_on"?, "picks": [{"image", "line", "contour", "circle"?}],
-// "fixed"?: {name: mm}, "part"?: id to start from, "collect"?: bool} -> part, picks with residuals,
-// projections into all pictures, hints.
-Result<Json> LiveFit(Workspace& workspace, const Json& body);
-
-// What a question of that form means. Errors say what is wrong with it.
-Result<FitQuestion> QuestionOf(Workspace& workspace, const Json& body);
-
 }  // namespace vss::station

@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "request_text.h"
 #include "vss/base/result.h"
 
 namespace vss::station {
@@ -48,13 +49,8 @@ struct ServerOptions {
 
 using Handler = std::function<Response(const Request&)>;
 
-// Reads the token that --token-file names: one line, 16 characters or more, in a file that only its owner can
-// read.
-Result<std::string> ReadToken(const std::string& path);
 // Is this an address that only this machine reaches?
 bool IsLoopback(std::string_view address);
-// Percent-decodes a request target into path and query. False where it is malformed or hostile.
-bool ParseTarget(std::string_view target, std::string* path, std::map<std::string, std::string>* query);
 
 class Server {
  public:

@@ -60,9 +60,17 @@ Status Remove(LineEdits& edits, int line) {
 }
 
 Status RemoveArc(LineEdits& edits, int line) {
-  if (!edits.lines->drawn_arcs.contains(line))
-    return UsageError("only curves that were drawn by hand can be removed");
-  EraseNumber(edits.value["arcs"], line);
+  const EllipticalArc* a = edits.lines->FindArc(line);
+  if (!a) return UsageError("there is no curve number {} in {}", line, edits.file);
+  if (line >= kFirstDrawnLine) {
+    EraseNumber(edits.value["arcs"], line);
+  } else {
+    const Vector2d middle = PointAt(*a, (a->from_rad + a->to_rad) / 2);
+    edits.value["removed_arcs"].push_back({{"line", line},
+                                           {"center", {a->center.x(), a->center.y()}},
+                                           {"axes", {a->axes.x(), a->axes.y()}},
+                                           {"middle", {middle.x(), middle.y()}}});
+  }
   return {};
 }
 
@@ -117,7 +125,8 @@ Result<Edit> RemoveLine(const Context& c) {
   } else {
     VSS_RETURN_IF_ERROR(Remove(edits, line));
   }
-  return Edit{fmt::format("remove a line in {}", edits.file), {ChangeOf(edits, c.version)}};
+  return Edit{fmt::format("remove a {} in {}", c.body.value("circle", false) ? "curve" : "line", edits.file),
+              {ChangeOf(edits, c.version)}};
 }
 
 Result<Edit> SplitLine(const Context& c) {

@@ -2,7 +2,6 @@
 // contours. It starts from nothing, answers within a click, and says what the lines picked so far do not
 // determine yet.
 #pragma once
-#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -56,15 +55,5 @@ struct FitAnswer {
 
 // `views`: all pictures, by index. Errors: no pick yet; picks that no placement of the object explains.
 Result<FitAnswer> FitPicks(const FitQuestion& question, const std::vector<View>& views);
-
-// The lines of all pictures that lie on the visible contour of the fitted object, picks included: what a
-// person would click next. `taken(image, line)` keeps lines of other parts out.
-std::vector<Pick> CollectPicks(const PlacedObject& object, const std::vector<View>& views,
-                               const Occluders* others, double tolerance_px,
-                               const std::function<bool(int image, int line)>& taken,
-                               const std::function<std::vector<Pick>(int image)>& lines_of);
-
-// The part with everything that a product says of it, `source` and id excepted.
-Part PartOfFit(const FitAnswer& answer, const FitQuestion& question);
 
 }  // namespace vss::station

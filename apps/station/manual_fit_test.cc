@@ -5,6 +5,8 @@
 #include <cmath>
 #include <random>
 
+#include "collect_picks.h"
+#include "part_of_fit.h"
 #include "snap.h"
 #include "workspace.h"
 
@@ -153,7 +155,7 @@ TEST_F(ManualFit, CollectsTheLinesThatLieOnTheContourAndNoOthers) {
     return lines;
   };
   const auto found = CollectPicks(
-      truth, rig.views, nullptr, 2, [](int, int) { return false; }, lines_of);
+      truth, rig.views, nullptr, 2, [](const Pick&) { return false; }, lines_of);
   EXPECT_GE(found.size(), all.size() * 8 / 10);
   for (const auto& p : found) {
     EXPECT_NE(p.line, 999);
@@ -171,11 +173,58 @@ TEST_F(ManualFit, ComesBackFromAPartToTheObjectItWas) {
   const auto files = std::vector<std::string>{"a.png", "b.png"};
   StationPart kept{part, true, "why"};
   kept.part.id = "part-1";
+  kept.part.contour_residuals = {{"edge", 3, 0, "contact", 1, 0.012345678901, 0.2, 41, false},
+                                 {"limb", 0, 1, "limb", 0, -0.1, 0.3, 9, true}};
+  kept.part.straightness = {{2, 0.31, 0.07, 5}};
+  kept.part.observable = {true, true, false, true, false, false, true, true, true};
+  kept.part.singular_values = Eigen::Vector3d(30, 2, 0.1);
   const auto read = PartFromJson(Json::parse(PartToJson(kept, files).dump()), files);
   ASSERT_TRUE(read) << read.error().message;
   EXPECT_TRUE(read->confirmed);
   EXPECT_EQ(read->part.matches.size(), part.matches.size());
   EXPECT_LT((read->part.covariance - part.covariance).norm(), 1e-9 * part.covariance.norm());
+  Product before, after;
+  before.parts = {kept.part};
+  after.parts = {read->part};
+  EXPECT_EQ(ProductToJson(after, files), ProductToJson(before, files))
+      << "a product made of it says the same, residuals of contours and bent edges too";
+}
+
+// A hole's diameter and place stand in its rim only.
+TEST_F(ManualFit, SaysWhichRimWouldShowAHole) {
+  const std::vector<std::string> names = {"holed_plate"};
+  const KnowledgeBase plates = LoadKnowledge(names, ".").value();
+  PlacedObject plate;
+  plate.model = plates.Find("holed_plate");
+  plate.placement << 80, -40, 0, 0.6, 0, 0;
+  plate.dimensions_mm = {900, 500, 30, 200, 0, 60};
+  question = {};
+  question.model = plate.model;
+  question.picks = LinesOf(plate, rig.views, 0.05, random);
+  const auto edges = FitPicks(question, rig.views);
+  ASSERT_TRUE(edges) << edges.error().message;
+  const auto hint = std::find_if(edges->hints.begin(), edges->hints.end(),
+                                 [](const Hint& h) { return h.dimension == "hole_diameter"; });
+  ASSERT_NE(hint, edges->hints.end());
+  EXPECT_TRUE(hint->is_circle);
+  Pick rim;
+  rim.image = hint->image;
+  rim.contour = hint->contour;
+  rim.is_circle = true;
+  rim.sigma_offset_px = 0.05;
+  for (const auto& s : SampleContour(PlaceSolid(plate, false), rig.views[std::size_t(hint->image)], 4, 4))
+    if (s.visible && s.source == ContourSample::Source::kCircle && s.index == hint->contour)
+      rim.ideal_points.push_back(s.ideal);
+  question.picks.push_back(rim);
+  question.start = edges->object;
+  const auto all = FitPicks(question, rig.views);
+  ASSERT_TRUE(all);
+  const auto defs = plate.model->dimensions();
+  for (std::size_t i = 0; i < defs.size(); ++i) {
+    EXPECT_TRUE(all->observable[i]) << defs[i].name << " is not observable";
+    EXPECT_NEAR(all->object.dimensions_mm[i], plate.dimensions_mm[i], 4 * all->sigma_mm[i]) << defs[i].name;
+  }
+  EXPECT_TRUE(all->hints.empty());
 }
 
 // A step edge, blurred, along a line through (u0, v0) with direction `angle`; bright on the left.

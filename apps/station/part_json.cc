@@ -4,36 +4,38 @@
 #include <climits>
 #include <cmath>
 
+#include "checks_json.h"
+
 namespace vss::station {
-namespace {
-
-using Eigen::Matrix3d;
-using Eigen::Vector3d;
-
-Vector3d Vector(const Json& j) {
-  if (j.size() != 3) throw std::runtime_error("three numbers are needed");
-  const Vector3d v(j.at(0).get<double>(), j.at(1).get<double>(), j.at(2).get<double>());
-  if (!v.allFinite()) throw std::runtime_error("a number is not finite");
-  return v;
-}
-
-Matrix3d Matrix(const Json& j) {
-  if (j.size() != 3) throw std::runtime_error("three rows are needed");
-  Matrix3d m;
-  for (int i = 0; i < 3; ++i) m.row(i) = Vector(j.at(std::size_t(i))).transpose();
-  return m;
-}
-
-std::vector<Vector3d> Vectors(const Json& list) {
-  std::vector<Vector3d> out;
-  for (const auto& v : list) out.push_back(Vector(v));
-  return out;
-}
 
 int ImageIndex(const std::string& file, const std::vector<std::string>& files) {
   const auto at = std::find(files.begin(), files.end(), file);
   if (at == files.end()) throw std::runtime_error(fmt::format("the survey has no picture {}", file));
   return static_cast<int>(at - files.begin());
+}
+
+Eigen::Vector3d VectorOf(const Json& j) {
+  if (j.size() != 3) throw std::runtime_error("three numbers are needed");
+  const Eigen::Vector3d v(j.at(0).get<double>(), j.at(1).get<double>(), j.at(2).get<double>());
+  if (!v.allFinite()) throw std::runtime_error("a number is not finite");
+  return v;
+}
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+Matrix3d Matrix(const Json& j) {
+  if (j.size() != 3) throw std::runtime_error("three rows are needed");
+  Matrix3d m;
+  for (int i = 0; i < 3; ++i) m.row(i) = VectorOf(j.at(std::size_t(i))).transpose();
+  return m;
+}
+
+std::vector<Vector3d> Vectors(const Json& list) {
+  std::vector<Vector3d> out;
+  for (const auto& v : list) out.push_back(VectorOf(v));
+  return out;
 }
 
 Json MatchesToJson(const Part& part, const std::vector<std::string>& files) {
@@ -58,8 +60,14 @@ Json DimensionsToJson(const Part& part) {
   return out;
 }
 
-void ReadDimensions(const Json& json, Part& part) {
-  for (const auto& [name, d] : json.items()) {
+// `order`: their names in the object's order, which a JSON object does not keep; the covariance counts on it.
+void ReadDimensions(const Json& json, const Json& order, Part& part) {
+  std::vector<std::string> names =
+      order.is_array() ? order.get<std::vector<std::string>>() : std::vector<std::string>();
+  for (const auto& [name, d] : json.items())
+    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+  for (const auto& name : names) {
+    const Json& d = json.at(name);
     const Json sigma = d.value("sigma", Json());
     DimensionValue value{name, d.at("value").get<double>(), sigma.is_number() ? sigma.get<double>() : NAN,
                          d.value("observable", true), d.value("origin", "")};
@@ -73,6 +81,11 @@ void ReadMatches(const Json& json, const std::vector<std::string>& files, Part& 
   for (const auto& m : json)
     part.matches.push_back({ImageIndex(m.at("image"), files), m.at("line").get<int>(),
                             m.at("edge").get<int>(), m.value("arc", false), m.value("residual_px", 0.0)});
+}
+
+void ReadNumbers(const Json& list, Eigen::VectorXd& out) {
+  out.resize(Eigen::Index(list.size()));
+  for (Eigen::Index i = 0; i < out.size(); ++i) out[i] = list.at(std::size_t(i)).get<double>();
 }
 
 Eigen::MatrixXd SquareMatrix(const Json& rows) {
@@ -98,14 +111,14 @@ StationPart Parse(const Json& json, const std::vector<std::string>& files) {
   part.designation = json.value("designation", "");
   part.standard = json.value("standard", "");
   part.designation_candidates = json.value("designation_candidates", part.designation_candidates);
-  part.world_from_part = {Matrix(json.at("pose").at("rotation")), Vector(json.at("pose").at("position"))};
+  part.world_from_part = {Matrix(json.at("pose").at("rotation")), VectorOf(json.at("pose").at("position"))};
   part.yaw_rad = RadFromDeg(json.at("pose").value("yaw", 0.0));
-  ReadDimensions(json.at("dimensions"), part);
+  ReadDimensions(json.at("dimensions"), json.value("dimension_order", Json()), part);
   part.vertices = Vectors(json.value("vertices", Json::array()));
   for (const auto& v : json.value("vertex_sigma", Json::array())) {
     const bool known =
         v.is_array() && v.size() == 3 && v[0].is_number() && v[1].is_number() && v[2].is_number();
-    part.vertex_sigma.push_back(known ? Vector(v) : Vector3d::Constant(NAN));
+    part.vertex_sigma.push_back(known ? VectorOf(v) : Vector3d::Constant(NAN));
   }
   for (const auto& e : json.value("edges", Json::array())) {
     const std::array<int, 2> edge{e.at(0).get<int>(), e.at(1).get<int>()};
@@ -114,7 +127,8 @@ StationPart Parse(const Json& json, const std::vector<std::string>& files) {
     part.edges.push_back(edge);
   }
   for (const auto& c : json.value("circles", Json::array()))
-    part.circles.push_back({Vector(c.at("center")), Vector(c.at("normal")), c.at("radius").get<double>()});
+    part.circles.push_back(
+        {VectorOf(c.at("center")), VectorOf(c.at("normal")), c.at("radius").get<double>()});
   part.stands_on = json.value("stands_on", "ground");
   for (const auto& f : json.value("images", Json::array())) part.images.push_back(ImageIndex(f, files));
   ReadMatches(json.value("matches", Json::array()), files, part);
@@ -128,6 +142,12 @@ StationPart Parse(const Json& json, const std::vector<std::string>& files) {
   for (const auto& r : json.value("residuals", Json::array()))
     part.picture_residuals.push_back(
         {ImageIndex(r.at("image"), files), r.at("rms_px").get<double>(), r.at("edges").get<int>()});
+  part.contour_residuals = ContourResidualsOf(json.value("contours", Json::array()), files);
+  part.straightness = StraightnessOf(json.value("straightness", Json::array()));
+  part.observable = json.value("observable", part.observable);
+  ReadNumbers(json.value("singular_values", Json::array()), part.singular_values);
+  for (const auto& rows : json.value("vertex_covariance", Json::array()))
+    part.vertex_covariance.push_back(Matrix(rows));
   if (json.contains("runner_up"))
     part.runner_up = RunnerUp{json.at("runner_up").at("kind"), json.at("runner_up").value("log_odds", 0.0)};
   out.confirmed = json.value("confirmed", false);
@@ -158,6 +178,8 @@ Json PartToJson(const StationPart& station, const std::vector<std::string>& file
                  {"rotation", JsonOf(part.world_from_part.rotation)},
                  {"yaw", DegFromRad(part.yaw_rad)}};
   out["dimensions"] = DimensionsToJson(part);
+  out["dimension_order"] = Json::array();
+  for (const auto& d : part.dimensions) out["dimension_order"].push_back(d.name);
   if (part.has_features) out["features"] = part.features;
   if (!part.designation.empty()) out["designation"] = part.designation, out["standard"] = part.standard;
   if (!part.designation_candidates.empty()) out["designation_candidates"] = part.designation_candidates;
@@ -183,6 +205,12 @@ Json PartToJson(const StationPart& station, const std::vector<std::string>& file
     }
     out["covariance"] = std::move(rows);
   }
+  if (!part.contour_residuals.empty()) out["contours"] = JsonOf(part.contour_residuals, files);
+  if (!part.straightness.empty()) out["straightness"] = JsonOf(part.straightness);
+  if (!part.observable.empty()) out["observable"] = part.observable;
+  if (part.singular_values.size() > 0)
+    out["singular_values"] = std::vector<double>(part.singular_values.begin(), part.singular_values.end());
+  for (const auto& c : part.vertex_covariance) out["vertex_covariance"].push_back(JsonOf(c));
   if (!part.remarks.empty()) out["remarks"] = part.remarks;
   if (part.runner_up)
     out["runner_up"] = {{"kind", part.runner_up->kind}, {"log_odds", part.runner_up->log_odds}};

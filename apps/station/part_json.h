@@ -22,7 +22,11 @@ struct StationPart {
 };
 
 Json JsonOf(const Eigen::Vector3d& v);
+// Three finite numbers; throws where it is anything else.
+Eigen::Vector3d VectorOf(const Json& json);
 Json JsonOf(const Eigen::Matrix3d& m);
+// The number of the picture of that name; throws where there is none.
+int ImageIndex(const std::string& file, const std::vector<std::string>& image_files);
 Json PartToJson(const StationPart& part, const std::vector<std::string>& image_files);
 // A whole number of that name; an error where it is missing, a fraction, or more than an int holds.
 Result<int> IntOf(const Json& json, const char* name);

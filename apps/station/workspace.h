@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "calibration.h"
+#include "edited_lines.h"
 #include "manual_fit.h"
 #include "part_json.h"
 #include "projection.h"
@@ -20,18 +21,6 @@
 #include "vss/survey/run_survey.h"
 
 namespace vss::station {
-
-// The lines of one picture as the operator left them.
-struct EditedLines {
-  LineImage found;                   // by VSS; a line's number is its index
-  std::vector<bool> removed;         // of the segments of `found`
-  std::map<int, LineSegment> drawn;  // by number, from kFirstDrawnLine
-  std::map<int, EllipticalArc> drawn_arcs;
-  std::int64_t version = 0;  // of the item with the operator's edits
-
-  const LineSegment* Find(int line) const;  // null where there is none, or it was removed
-  const EllipticalArc* FindArc(int line) const;
-};
 
 struct WorkspaceOptions {
   int threads = 0;
@@ -94,7 +83,9 @@ class Workspace {
   // Was the last run made with other cameras than those in use?
   bool RunIsOfOtherCameras() const;
   // The changes that put `product` in the place of the automatic parts.
-  std::vector<Change> ChangesOfProduct(const Product& product) const;
+  // `new_ids`: how the product's parts are called here.
+  std::vector<Change> ChangesOfProduct(const Product& product,
+                                       std::map<std::string, std::string>* new_ids = nullptr) const;
 
  private:
   Workspace() = default;
@@ -139,22 +130,6 @@ class Workspace {
   std::atomic<bool> cancel_{false};
   Json run_state_ = {{"state", "none"}};
 };
-
-// A line of picture `image` (or an arc, where `is_circle`) as the contour of an object. `file`: for the error
-// where it is gone.
-Result<Pick> MakePick(const EditedLines& lines, const std::string& file, int image, int line, int contour,
-                      bool is_circle);
-
-// The segments and arcs of a picture as Views gives them to identification: what was removed is left out,
-// what was drawn is at the end. The station's numbers of the segments and of the arcs: by their index.
-struct FlatLineImage {
-  LineImage lines;
-  std::vector<int> segment_numbers, arc_numbers;
-};
-FlatLineImage FlatLines(const EditedLines& lines);
-
-// The ideal ends of a drawn line.
-void Straighten(const Intrinsics& lens, LineSegment& segment);
 
 // Why a person should look at this part; empty where there is no reason.
 std::string DoubtOf(const Part& part);

@@ -36,6 +36,7 @@ export class SceneDrawing {
   private shown: Shown[] = [];
   private cameras = new THREE.Group();
   private frusta: THREE.LineSegments[] = [];
+  private centers: THREE.Vector3[] = [];  // of the cameras
   private marks = new THREE.Group();
   private readonly seams = new THREE.Group();
   private ground = new THREE.Group();
@@ -200,6 +201,7 @@ export class SceneDrawing {
       geometry.setAttribute('position', new THREE.Float32BufferAttribute(p, 3));
       const frustum = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: '#5f8aa6' }));
       this.frusta.push(frustum);
+      this.centers.push(new THREE.Vector3(...im.center));
       this.cameras.add(frustum);
       if (im.gantry) stops.add(im.gantry.join());
     }
@@ -224,13 +226,14 @@ export class SceneDrawing {
     this.ask();
   }
   showCameras(yes: boolean) { this.cameras.visible = yes; this.ask(); }
-  // 100: whole; below, everything beyond that share of the workpiece along the axis is cut away.
-  setSection(axis: 'x' | 'y' | 'z', percent: number) {
+  // 100: whole; below, everything beyond that share of the workpiece along the axis is cut away. Where that is, mm; null: nowhere.
+  setSection(axis: 'x' | 'y' | 'z', percent: number): number | null {
     const low = axis === 'z' ? 0 : this.extent.min[axis], high = axis === 'z' ? this.height : this.extent.max[axis];
     this.clip.normal.set(axis === 'x' ? -1 : 0, axis === 'y' ? -1 : 0, axis === 'z' ? -1 : 0);
     this.clip.constant = percent >= 100 ? noClip : low + ((high - low) * percent) / 100 + 0.01;
     this.placeCaps();
     this.ask();
+    return percent >= 100 ? null : this.clip.constant;
   }
   setMeasuring(yes: boolean) { this.measuring = yes; for (const s of this.shown) s.vertices.visible = yes; this.ask(); }
   setMarks(marks: VertexPick[]) {
@@ -252,10 +255,18 @@ export class SceneDrawing {
   }
 
   private look(direction: THREE.Vector3) {
-    const sphere = this.extent.getBoundingSphere(new THREE.Sphere());
-    const distance = (sphere.radius || 1000) / Math.sin(((this.camera.fov * Math.PI) / 180) * 0.5) / Math.min(1, this.camera.aspect);
-    this.controls.target.copy(sphere.center);
-    this.camera.position.copy(sphere.center).addScaledVector(direction.normalize(), distance * 0.85);
+    const seen = this.extent.clone(), back = direction.normalize(), right = new THREE.Vector3(0, 0, 1).cross(back).normalize(), up = back.clone().cross(right);
+    if (this.cameras.visible) for (const c of this.centers) seen.expandByPoint(c);
+    const center = seen.getCenter(new THREE.Vector3()), tan = Math.tan(((this.camera.fov * Math.PI) / 180) * 0.5), corner = new THREE.Vector3();
+    // As near as all corners of what there is to see lie in the picture.
+    let distance = 100;
+    for (let k = 0; k < 8; k++) {
+      corner.set(k & 1 ? seen.min.x : seen.max.x, k & 2 ? seen.min.y : seen.max.y, k & 4 ? seen.min.z : seen.max.z).sub(center);
+      distance = Math.max(distance, corner.dot(back) + Math.max(Math.abs(corner.dot(up)) / tan, Math.abs(corner.dot(right)) / (tan * this.camera.aspect)));
+    }
+    distance *= 1.06;
+    this.controls.target.copy(center);
+    this.camera.position.copy(center).addScaledVector(back, distance);
     this.camera.near = distance / 100; this.camera.far = distance * 20;
     this.camera.updateProjectionMatrix();
     this.controls.update();
