@@ -27,6 +27,26 @@ function hatch(): THREE.Texture {
   return texture;
 }
 
+// Where to look, and from how far, so that all points are seen as large as may be. `tan`: of half the angle of view, upright.
+function nearest(points: THREE.Vector3[], axes: { back: THREE.Vector3; right: THREE.Vector3; up: THREE.Vector3 }, tan: number, aspect: number) {
+  const target = new THREE.Box3().setFromPoints(points).getCenter(new THREE.Vector3()), d = new THREE.Vector3(), margin = 1.1;
+  const rounds = 4;  // each moves the target to the middle of what is seen, which changes the distance a little
+  let distance = 100;
+  for (let round = 0; round < rounds; round++) {
+    distance = 100;
+    for (const p of points) {
+      d.subVectors(p, target);
+      distance = Math.max(distance, d.dot(axes.back) + margin * Math.max(Math.abs(d.dot(axes.up)) / tan, Math.abs(d.dot(axes.right)) / (tan * aspect)));
+    }
+    if (round === rounds - 1) break;
+    for (const axis of [axes.right, axes.up]) {
+      const at = points.map((p) => { d.subVectors(p, target); return d.dot(axis) / (distance - d.dot(axes.back)); });
+      target.addScaledVector(axis, ((Math.min(...at) + Math.max(...at)) / 2) * distance);
+    }
+  }
+  return { target, distance };
+}
+
 export class SceneDrawing {
   readonly webgl: boolean;
   private renderer: THREE.WebGLRenderer | SVGRenderer;
@@ -255,18 +275,13 @@ export class SceneDrawing {
   }
 
   private look(direction: THREE.Vector3) {
-    const seen = this.extent.clone(), back = direction.normalize(), right = new THREE.Vector3(0, 0, 1).cross(back).normalize(), up = back.clone().cross(right);
-    if (this.cameras.visible) for (const c of this.centers) seen.expandByPoint(c);
-    const center = seen.getCenter(new THREE.Vector3()), tan = Math.tan(((this.camera.fov * Math.PI) / 180) * 0.5), corner = new THREE.Vector3();
-    // As near as all corners of what there is to see lie in the picture.
-    let distance = 100;
-    for (let k = 0; k < 8; k++) {
-      corner.set(k & 1 ? seen.min.x : seen.max.x, k & 2 ? seen.min.y : seen.max.y, k & 4 ? seen.min.z : seen.max.z).sub(center);
-      distance = Math.max(distance, corner.dot(back) + Math.max(Math.abs(corner.dot(up)) / tan, Math.abs(corner.dot(right)) / (tan * this.camera.aspect)));
-    }
-    distance *= 1.06;
-    this.controls.target.copy(center);
-    this.camera.position.copy(center).addScaledVector(back, distance);
+    const back = direction.normalize(), right = new THREE.Vector3(0, 0, 1).cross(back).normalize(), up = back.clone().cross(right);
+    const points = this.shown.flatMap((s) => [...s.data.vertices, ...s.data.circles.map((c) => c.center)]).map((v) => new THREE.Vector3(...v));
+    if (this.cameras.visible) points.push(...this.centers);
+    if (points.length === 0) points.push(this.extent.min, this.extent.max);
+    const { target, distance } = nearest(points, { back, right, up }, Math.tan(((this.camera.fov * Math.PI) / 180) * 0.5), this.camera.aspect);
+    this.controls.target.copy(target);
+    this.camera.position.copy(target).addScaledVector(back, distance);
     this.camera.near = distance / 100; this.camera.far = distance * 20;
     this.camera.updateProjectionMatrix();
     this.controls.update();
