@@ -1,12 +1,8 @@
 #include "checks_json.h"
 
-#include <cmath>
-
 namespace vss::station {
 namespace {
 
-// JSON has no number that is none.
-double NumberOf(const Json& json) { return json.is_null() ? std::nan("") : json.get<double>(); }
 Eigen::Vector3d NumbersOf(const Json& json) {
   return {NumberOf(json.at(0)), NumberOf(json.at(1)), NumberOf(json.at(2))};
 }

@@ -50,6 +50,29 @@ Json PicksToJson(const Fitted& f) {
   return picks;
 }
 
+Result<std::vector<Pick>> PickedLines(Workspace& w, const Json& picks) {
+  std::vector<Pick> out;
+  if (picks.size() > kMaxPicks)
+    return UsageError("{} picked lines are more than the {} that a fit takes", picks.size(), kMaxPicks);
+  std::set<int> images;
+  for (const auto& p : picks)
+    if (const auto image = IntOf(p, "image")) images.insert(*image);
+  w.PrepareLines({images.begin(), images.end()});
+  std::map<int, std::shared_ptr<const EditedLines>> lines;  // of the pictures with picks
+  for (const auto& p : picks) {
+    VSS_ASSIGN(const int image, IntOf(p, "image"));
+    VSS_ASSIGN(const int line, IntOf(p, "line"));
+    VSS_ASSIGN(const int contour, IntOf(p, "contour"));
+    if (!lines.contains(image)) {
+      VSS_ASSIGN(lines[image], w.Lines(image));
+    }
+    VSS_ASSIGN(auto pick, MakePick(*lines[image], w.image_files()[std::size_t(image)], image, line, contour,
+                                   p.value("circle", false)));
+    out.push_back(std::move(pick));
+  }
+  return out;
+}
+
 }  // namespace
 
 // The contract calls the longer horizontal side of a box its length: where a fit has it the other way round,
@@ -146,25 +169,7 @@ Result<FitQuestion> QuestionOf(Workspace& w, const Json& body) {
     VSS_ASSIGN(const auto support, w.FindPart(on));
     q.support_height_mm = SupportHeight(support.first.part);
   }
-  const Json& picks = body.at("picks");
-  if (picks.size() > kMaxPicks)
-    return UsageError("{} picked lines are more than the {} that a fit takes", picks.size(), kMaxPicks);
-  std::set<int> images;
-  for (const auto& p : picks)
-    if (const auto image = IntOf(p, "image")) images.insert(*image);
-  w.PrepareLines({images.begin(), images.end()});
-  std::map<int, std::shared_ptr<const EditedLines>> lines;  // of the pictures with picks
-  for (const auto& p : picks) {
-    VSS_ASSIGN(const int image, IntOf(p, "image"));
-    VSS_ASSIGN(const int line, IntOf(p, "line"));
-    VSS_ASSIGN(const int contour, IntOf(p, "contour"));
-    if (!lines.contains(image)) {
-      VSS_ASSIGN(lines[image], w.Lines(image));
-    }
-    VSS_ASSIGN(auto pick, MakePick(*lines[image], w.image_files()[std::size_t(image)], image, line, contour,
-                                   p.value("circle", false)));
-    q.picks.push_back(std::move(pick));
-  }
+  VSS_ASSIGN(q.picks, PickedLines(w, body.at("picks")));
   if (body.contains("image")) {
     VSS_ASSIGN(q.present_image, IntOf(body, "image"));
   }

@@ -190,6 +190,20 @@ TEST_F(ManualFit, ComesBackFromAPartToTheObjectItWas) {
       << "a product made of it says the same, residuals of contours and bent edges too";
 }
 
+// JSON has no infinity: what could not be said is null, and the part is there all the same.
+TEST_F(ManualFit, KeepsAPartWithAResidualThatIsNoNumber) {
+  question.picks = LinesOf(truth, rig.views, 0.05, random);
+  const auto answer = FitPicks(question, rig.views);
+  ASSERT_TRUE(answer);
+  StationPart kept{PartOfFit(*answer, question), false, ""};
+  kept.part.id = "part-1";
+  kept.part.matches[0].residual_px = INFINITY;
+  const auto files = std::vector<std::string>{"a.png", "b.png"};
+  const auto read = PartFromJson(Json::parse(PartToJson(kept, files).dump()), files);
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_FALSE(std::isfinite(read->part.matches[0].residual_px));
+}
+
 // A hole's diameter and place stand in its rim only.
 TEST_F(ManualFit, SaysWhichRimWouldShowAHole) {
   const std::vector<std::string> names = {"holed_plate"};

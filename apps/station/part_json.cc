@@ -8,6 +8,8 @@
 
 namespace vss::station {
 
+double NumberOf(const Json& json) { return json.is_null() ? NAN : json.get<double>(); }
+
 int ImageIndex(const std::string& file, const std::vector<std::string>& files) {
   const auto at = std::find(files.begin(), files.end(), file);
   if (at == files.end()) throw std::runtime_error(fmt::format("the survey has no picture {}", file));
@@ -80,7 +82,8 @@ void ReadDimensions(const Json& json, const Json& order, Part& part) {
 void ReadMatches(const Json& json, const std::vector<std::string>& files, Part& part) {
   for (const auto& m : json)
     part.matches.push_back({ImageIndex(m.at("image"), files), m.at("line").get<int>(),
-                            m.at("edge").get<int>(), m.value("arc", false), m.value("residual_px", 0.0)});
+                            m.at("edge").get<int>(), m.value("arc", false),
+                            NumberOf(m.value("residual_px", Json(0.0)))});
 }
 
 void ReadNumbers(const Json& list, Eigen::VectorXd& out) {
@@ -99,21 +102,7 @@ Eigen::MatrixXd SquareMatrix(const Json& rows) {
   return m;
 }
 
-StationPart Parse(const Json& json, const std::vector<std::string>& files) {
-  StationPart out;
-  Part& part = out.part;
-  part.id = json.at("id");
-  part.kind = json.at("kind");
-  part.source = json.value("source", "automatic");
-  part.resting_pose = json.value("resting_pose", "");
-  part.has_features = json.contains("features");
-  part.features = json.value("features", part.features);
-  part.designation = json.value("designation", "");
-  part.standard = json.value("standard", "");
-  part.designation_candidates = json.value("designation_candidates", part.designation_candidates);
-  part.world_from_part = {Matrix(json.at("pose").at("rotation")), VectorOf(json.at("pose").at("position"))};
-  part.yaw_rad = RadFromDeg(json.at("pose").value("yaw", 0.0));
-  ReadDimensions(json.at("dimensions"), json.value("dimension_order", Json()), part);
+void ReadGeometry(const Json& json, Part& part) {
   part.vertices = Vectors(json.value("vertices", Json::array()));
   for (const auto& v : json.value("vertex_sigma", Json::array())) {
     const bool known =
@@ -129,27 +118,51 @@ StationPart Parse(const Json& json, const std::vector<std::string>& files) {
   for (const auto& c : json.value("circles", Json::array()))
     part.circles.push_back(
         {VectorOf(c.at("center")), VectorOf(c.at("normal")), c.at("radius").get<double>()});
-  part.stands_on = json.value("stands_on", "ground");
-  for (const auto& f : json.value("images", Json::array())) part.images.push_back(ImageIndex(f, files));
-  ReadMatches(json.value("matches", Json::array()), files, part);
+}
+
+// What the part was measured and checked by.
+void ReadQuality(const Json& json, const std::vector<std::string>& files, Part& part) {
   if (json.contains("covariance")) part.covariance = SquareMatrix(json.at("covariance"));
   if (const auto n = part.covariance.rows(); n > 0 && n < 6)
     throw std::runtime_error(fmt::format("the covariance has {} rows; a pose alone has 6", n));
-  part.residual_px = json.value("residual_px", 0.0);
-  part.doubtful = json.value("doubtful", false);
-  part.log_odds = json.value("log_odds", 0.0);
-  part.remarks = json.value("remarks", part.remarks);
+  part.residual_px = NumberOf(json.value("residual_px", Json(0.0)));
   for (const auto& r : json.value("residuals", Json::array()))
     part.picture_residuals.push_back(
-        {ImageIndex(r.at("image"), files), r.at("rms_px").get<double>(), r.at("edges").get<int>()});
+        {ImageIndex(r.at("image"), files), NumberOf(r.at("rms_px")), r.at("edges").get<int>()});
   part.contour_residuals = ContourResidualsOf(json.value("contours", Json::array()), files);
   part.straightness = StraightnessOf(json.value("straightness", Json::array()));
   part.observable = json.value("observable", part.observable);
   ReadNumbers(json.value("singular_values", Json::array()), part.singular_values);
   for (const auto& rows : json.value("vertex_covariance", Json::array()))
     part.vertex_covariance.push_back(Matrix(rows));
+}
+
+StationPart Parse(const Json& json, const std::vector<std::string>& files) {
+  StationPart out;
+  Part& part = out.part;
+  part.id = json.at("id");
+  part.kind = json.at("kind");
+  part.source = json.value("source", "automatic");
+  part.resting_pose = json.value("resting_pose", "");
+  part.has_features = json.contains("features");
+  part.features = json.value("features", part.features);
+  part.designation = json.value("designation", "");
+  part.standard = json.value("standard", "");
+  part.designation_candidates = json.value("designation_candidates", part.designation_candidates);
+  part.world_from_part = {Matrix(json.at("pose").at("rotation")), VectorOf(json.at("pose").at("position"))};
+  part.yaw_rad = RadFromDeg(json.at("pose").value("yaw", 0.0));
+  ReadDimensions(json.at("dimensions"), json.value("dimension_order", Json()), part);
+  ReadGeometry(json, part);
+  part.stands_on = json.value("stands_on", "ground");
+  for (const auto& f : json.value("images", Json::array())) part.images.push_back(ImageIndex(f, files));
+  ReadMatches(json.value("matches", Json::array()), files, part);
+  ReadQuality(json, files, part);
+  part.doubtful = json.value("doubtful", false);
+  part.log_odds = NumberOf(json.value("log_odds", Json(0.0)));
+  part.remarks = json.value("remarks", part.remarks);
   if (json.contains("runner_up"))
-    part.runner_up = RunnerUp{json.at("runner_up").at("kind"), json.at("runner_up").value("log_odds", 0.0)};
+    part.runner_up = RunnerUp{json.at("runner_up").at("kind"),
+                              NumberOf(json.at("runner_up").value("log_odds", Json(0.0)))};
   out.confirmed = json.value("confirmed", false);
   out.doubt = json.value("doubt", "");
   return out;
@@ -161,6 +174,41 @@ Json JsonOf(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 Json JsonOf(const Matrix3d& m) {
   return {JsonOf(Vector3d(m.row(0))), JsonOf(Vector3d(m.row(1))), JsonOf(Vector3d(m.row(2)))};
 }
+
+namespace {
+
+void WriteGeometry(const Part& part, Json& out) {
+  for (const char* name : {"vertices", "vertex_sigma", "edges", "circles"}) out[name] = Json::array();
+  for (const auto& v : part.vertices) out["vertices"].push_back(JsonOf(v));
+  for (const auto& v : part.vertex_sigma) out["vertex_sigma"].push_back(JsonOf(v));
+  for (const auto& e : part.edges) out["edges"].push_back(e);
+  for (const auto& c : part.circles)
+    out["circles"].push_back(
+        {{"center", JsonOf(c.center)}, {"normal", JsonOf(c.normal)}, {"radius", c.radius_mm}});
+}
+
+void WriteQuality(const Part& part, const std::vector<std::string>& files, Json& out) {
+  out["residuals"] = Json::array();
+  for (const auto& r : part.picture_residuals)
+    out["residuals"].push_back(
+        {{"image", files.at(std::size_t(r.image))}, {"rms_px", r.rms_px}, {"edges", r.num_edges}});
+  if (part.covariance.size() > 0) {
+    Json rows = Json::array();
+    for (Eigen::Index i = 0; i < part.covariance.rows(); ++i) {
+      rows.push_back(Json::array());
+      for (Eigen::Index k = 0; k < part.covariance.cols(); ++k) rows.back().push_back(part.covariance(i, k));
+    }
+    out["covariance"] = std::move(rows);
+  }
+  if (!part.contour_residuals.empty()) out["contours"] = JsonOf(part.contour_residuals, files);
+  if (!part.straightness.empty()) out["straightness"] = JsonOf(part.straightness);
+  if (!part.observable.empty()) out["observable"] = part.observable;
+  if (part.singular_values.size() > 0)
+    out["singular_values"] = std::vector<double>(part.singular_values.begin(), part.singular_values.end());
+  for (const auto& c : part.vertex_covariance) out["vertex_covariance"].push_back(JsonOf(c));
+}
+
+}  // namespace
 
 Json PartToJson(const StationPart& station, const std::vector<std::string>& files) {
   const Part& part = station.part;
@@ -183,34 +231,11 @@ Json PartToJson(const StationPart& station, const std::vector<std::string>& file
   if (part.has_features) out["features"] = part.features;
   if (!part.designation.empty()) out["designation"] = part.designation, out["standard"] = part.standard;
   if (!part.designation_candidates.empty()) out["designation_candidates"] = part.designation_candidates;
-  for (const char* name : {"vertices", "vertex_sigma", "edges", "circles", "images"})
-    out[name] = Json::array();
-  for (const auto& v : part.vertices) out["vertices"].push_back(JsonOf(v));
-  for (const auto& v : part.vertex_sigma) out["vertex_sigma"].push_back(JsonOf(v));
-  for (const auto& e : part.edges) out["edges"].push_back(e);
-  for (const auto& c : part.circles)
-    out["circles"].push_back(
-        {{"center", JsonOf(c.center)}, {"normal", JsonOf(c.normal)}, {"radius", c.radius_mm}});
+  WriteGeometry(part, out);
+  out["images"] = Json::array();
   for (int i : part.images) out["images"].push_back(files.at(std::size_t(i)));
-  out["residuals"] = Json::array();
-  for (const auto& r : part.picture_residuals)
-    out["residuals"].push_back(
-        {{"image", files.at(std::size_t(r.image))}, {"rms_px", r.rms_px}, {"edges", r.num_edges}});
   out["matches"] = MatchesToJson(part, files);
-  if (part.covariance.size() > 0) {
-    Json rows = Json::array();
-    for (Eigen::Index i = 0; i < part.covariance.rows(); ++i) {
-      rows.push_back(Json::array());
-      for (Eigen::Index k = 0; k < part.covariance.cols(); ++k) rows.back().push_back(part.covariance(i, k));
-    }
-    out["covariance"] = std::move(rows);
-  }
-  if (!part.contour_residuals.empty()) out["contours"] = JsonOf(part.contour_residuals, files);
-  if (!part.straightness.empty()) out["straightness"] = JsonOf(part.straightness);
-  if (!part.observable.empty()) out["observable"] = part.observable;
-  if (part.singular_values.size() > 0)
-    out["singular_values"] = std::vector<double>(part.singular_values.begin(), part.singular_values.end());
-  for (const auto& c : part.vertex_covariance) out["vertex_covariance"].push_back(JsonOf(c));
+  WriteQuality(part, files, out);
   if (!part.remarks.empty()) out["remarks"] = part.remarks;
   if (part.runner_up)
     out["runner_up"] = {{"kind", part.runner_up->kind}, {"log_odds", part.runner_up->log_odds}};

@@ -25,6 +25,8 @@ Json JsonOf(const Eigen::Vector3d& v);
 // Three finite numbers; throws where it is anything else.
 Eigen::Vector3d VectorOf(const Json& json);
 Json JsonOf(const Eigen::Matrix3d& m);
+// A number; NaN where it is null, for JSON has no number that is none.
+double NumberOf(const Json& json);
 // The number of the picture of that name; throws where there is none.
 int ImageIndex(const std::string& file, const std::vector<std::string>& image_files);
 Json PartToJson(const StationPart& part, const std::vector<std::string>& image_files);

@@ -53,11 +53,17 @@ export async function download(path: string) {
 }
 
 // The first picture is on its way already (public/early.js).
-declare global { interface Window { vssEarly?: { image: number; answer: Promise<Response> } } }
+declare global { interface Window { vssEarly?: { image: number; answer: Promise<Response>; shown: Promise<void>; done: boolean } } }
+let taken = false;
 export function fetchPicture(image: number): Promise<Response> {
-  const early = window.vssEarly;
-  window.vssEarly = undefined;
+  const early = taken ? undefined : window.vssEarly;
+  taken = true;
   return early?.image === image ? early.answer : fetch(`/api/pictures/${image}/image`);
+}
+// The page shows the picture itself from here on.
+export function endEarly() {
+  if (window.vssEarly) window.vssEarly.done = true;
+  document.getElementById('early')?.remove();
 }
 
 // Messages of the server; opens again by itself after the server was away.

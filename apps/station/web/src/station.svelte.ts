@@ -1,5 +1,5 @@
 // The state of the page: what the server says, and what the operator looks at.
-import { api, download, listen, Refused, setWho } from './api';
+import { api, download, endEarly, listen, Refused, setWho } from './api';
 import { contourAt, samePlace, type Contour } from './contours';
 import type { Keys } from './keymap';
 import { arcPoints, LineIndex, linePoints, type ColourBy, type Found } from './lines';
@@ -126,6 +126,7 @@ class Station {
   firstPictureShown() {
     if (this.pictured) return;
     this.pictured = true;
+    endEarly();
     this.loadRest();
   }
 
@@ -296,6 +297,7 @@ class Station {
 
   // A box of the world (mm, centre and extent) in the picture in whose middle it lies.
   private showPlace(center: [number, number, number], extent: [number, number, number]) {
+    this.showing++;
     this.go(this.nearestImageOf(center));
     const us: number[] = [], vs: number[] = [];
     for (const corner of [0, 1, 2, 3, 4, 5, 6, 7]) {
@@ -305,10 +307,12 @@ class Station {
     if (us.length > 1) this.show?.(Math.min(...us), Math.min(...vs), Math.max(...us), Math.max(...vs));
   }
 
+  private showing = 0;
   async showPart(part: Part) {
-    const best = this.bestImageOf(part);
+    const asked = ++this.showing, best = this.bestImageOf(part);
     if (best >= 0) this.go(best);
     await this.loadPicture(this.image);
+    if (asked !== this.showing) return;  // another one was asked for meanwhile
     const pieces = this.projections.get(this.image)?.parts[part.id]?.pieces ?? [];
     const points = pieces.flatMap((p) => p.points);
     if (points.length < 4) return;

@@ -64,7 +64,7 @@ export const t = {
     contourHint: 'Click a contour in the drawing, then its line in a picture.',
     nextContour: 'Next contour', picks: (n: number) => plural(n, 'line') + ' picked', collect: 'Take all lines that fit', save: 'Save part', stop: 'Stop', live: (ms: number) => `fitted in ${ms.toFixed(0)} ms`,
     notPlaced: 'Not placed yet: pick more edges that run in different directions.', hint: (d: string, picture: string) => `${d} is not observable yet. The highlighted contour in ${picture} would show it.`, show: 'Show it',
-    drop: 'Drop this line', dropLast: 'Drop the last line', fix: 'Give mm', fixHelp: 'A dimension that you know: it stays as you give it', fixLabel: (d: string) => `Give ${d} in mm`, standsOn: 'Stands on', pose: 'Lies', rms: (v: number) => `residual ${v.toFixed(2)} px`, taken: (name: string) => `Taken as ${name}, which lies there.`, lines: 'Lines picked',
+    drop: 'Drop this line', dropLast: 'Drop the last line', fix: 'Give mm', fixHelp: 'A dimension that you know: it stays as you give it', fixLabel: (d: string) => `Give ${d} in mm`, standsOn: 'Stands on', pose: 'Lies', rms: (v: number | null) => `residual ${v === null ? '?' : v.toFixed(2)} px`, taken: (name: string) => `Taken as ${name}, which lies there.`, lines: 'Lines picked',
     start: 'New part by hand', noKinds: 'The knowledge base of this survey is empty.',
   },
   parameters: { title: 'Parameters of the next run', reset: 'Default', changed: 'changed', search: 'Find a parameter', range: (a: number, b: number, u: string) => `${a} to ${b}${u ? ' ' + u : ''}`, rerun: 'Run with these', none: 'No parameter matches.', lastRun: 'What the last run changed' },

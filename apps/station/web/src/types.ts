@@ -6,10 +6,10 @@ export interface Camera { id: string; width: number; height: number; fx: number;
 export interface Survey { name: string; step: boolean; images: SurveyImage[]; cameras: Camera[]; warnings: string[]; version: string }
 
 export interface Dimension { value: number; sigma: number | null; observable: boolean; origin?: string; nominal?: number }
-export interface Match { image: string; line: number; edge: number; arc: boolean; residual_px: number }
+export interface Match { image: string; line: number; edge: number; arc: boolean; residual_px: number | null }
 export interface Part {
   id: string; kind: string; features?: string[]; designation?: string; standard?: string; designation_candidates?: string[]; source: 'automatic' | 'corrected' | 'manual';
-  resting_pose: string; stands_on: string; residual_px: number; doubtful: boolean; log_odds: number;
+  resting_pose: string; stands_on: string; residual_px: number | null; doubtful: boolean; log_odds: number;
   confirmed: boolean; doubt: string;
   pose: { position: Vec3; rotation: [Vec3, Vec3, Vec3]; yaw: number };
   dimensions: Record<string, Dimension>; dimension_order?: string[];
@@ -48,7 +48,7 @@ export interface KnownObject {
 
 export interface Pick { image: number; line: number; contour: number; circle: boolean; residual_px?: number | null }
 export interface Hint { dimension: string; image: number; contour: number; circle: boolean }
-export interface Fit { part: Part; picks: Pick[]; projections: Record<string, Piece[]>; hints: Hint[]; placed: boolean; rms_px: number; ms: number }
+export interface Fit { part: Part; picks: Pick[]; projections: Record<string, Piece[]>; hints: Hint[]; placed: boolean; rms_px: number | null; ms: number }
 
 export interface Cut { share: number; along: string; lengths: [number, number]; pieces: Piece[]; refused?: string }
 
