@@ -14,7 +14,7 @@ const picture = (_, caption, name) => `<figure><img alt="${caption}" src="data:i
 const pages = files.map((f) => `<section>${marked.parse(readFileSync(f, 'utf8').replace(/!\[([^\]]*)\]\(images\/([\w-]+\.jpg)\)/g, picture))}</section>`);
 const style = `body { font: 11pt/1.5 sans-serif; max-width: 46em; margin: 2em auto; padding: 0 1em; } section + section { break-before: page; }
   img { max-width: 100%; display: block; } figure { margin: 1em 0; break-inside: avoid; } figcaption { color: #555; font-size: 9pt; } h1, h2, h3 { break-after: avoid; line-height: 1.2; }
-  @media print { body { font-size: 10pt; line-height: 1.4; max-width: none; margin: 0; padding: 0; } h2 { clear: both; margin: 1em 0 .4em; } p { margin: .5em 0; } figure { float: right; width: 46%; margin: .2em 0 .6em 1.2em; } } pre, code { background: #f2f4f6; font-size: 9.5pt; }
+  @media print { body { font-size: 10pt; line-height: 1.4; max-width: none; margin: 0; padding: 0; } h2 { clear: both; margin: 1em 0 .4em; } p { margin: .5em 0; } figure { float: right; width: 42%; margin: .2em 0 .6em 1.2em; } } pre, code { background: #f2f4f6; font-size: 9.5pt; }
   pre { padding: .6em; white-space: pre-wrap; } table { border-collapse: collapse; } td, th { border: 1px solid #ccc; padding: .25em .5em; text-align: left; vertical-align: top; }`;
 mkdirSync(out, { recursive: true });
 const html = `<!doctype html><html lang="en"><head><meta charset="utf-8"><title>VSS operator manual</title><style>${style}</style></head><body>${pages.join('')}</body></html>`;
