@@ -32,6 +32,7 @@ const manual = process.env.VSS_MANUAL, stale = [];
 const shot = async (name, on = page) => {
   if (!shots && !manual) return;
   await on.waitForFunction(() => !document.querySelector('.toast'), undefined, { timeout: 15000 });
+  await on.evaluate(() => document.querySelector('.strip .on')?.scrollIntoView({ block: 'center', inline: 'center' }));  // where it was scrolled to before is all one
   // Until nothing changes any more.
   const take = async () => { await on.waitForTimeout(350); return on.screenshot({ type: 'jpeg', quality: 78, animations: 'disabled' }); };
   let picture = await take();
