@@ -447,9 +447,9 @@ class Station {
     const b = this.build;
     const saved = await this.command('save_part', { ...this.question(), part: b.part || undefined, version: b.part ? this.version('part', b.part) : undefined });
     if (!saved) return;
+    const elsewhere = this.tab !== 'build' ? this.tab : null;  // where the operator went on to meanwhile
     this.stopBuild();
-    this.select(String(saved.part));
-    this.tab = 'parts';
+    if (elsewhere) this.tab = elsewhere; else this.select(String(saved.part));
   }
 
   chooseContour(index: number, circle: boolean) { if (this.build) { this.build.contour = { index, circle }; this.build.chosen = true; } }

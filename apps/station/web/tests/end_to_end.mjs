@@ -293,6 +293,7 @@ await test('takes a wrong line out of a part and puts it back', async () => {
   await page.getByText(`${target.matches.length - 1} lines picked`).waitFor();
   await page.getByRole('button', { name: /Save part/ }).click();
   await until('it is saved', async () => (await parts()).find((p) => p.id === target.id).matches.length === target.matches.length - 1);
+  await page.locator('#tab-parts[aria-selected=true]').waitFor();
   assert.notEqual((await parts()).find((p) => p.id === target.id).source, 'automatic');
 });
 
