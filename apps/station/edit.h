@@ -1,4 +1,5 @@
-// What the commands have in common: each makes one Edit out of what the page asked for. Only for commands.cc and its kin.
+// What the commands have in common: each makes one Edit out of what the page asked for. Only for commands.cc
+// and its kin.
 #pragma once
 #include "workspace.h"
 
@@ -22,6 +23,15 @@ inline Eigen::Vector2d PointOf(const Json& j) { return {j.at(0).get<double>(), j
 Change ChangeOf(const Workspace& workspace, const StationPart& part, std::optional<std::int64_t> version);
 std::string FreeId(Workspace& workspace);
 
+// part_commands.cc
+Result<Edit> SavePart(const Context& context);
+Result<Edit> DeletePart(const Context& context);
+Result<Edit> ConfirmPart(const Context& context);
+Result<Edit> DropLine(const Context& context);
+Result<Edit> RefitPart(const Context& context);
+Result<Edit> MeasurePart(const Context& context);
+Result<Edit> ChangeKind(const Context& context);
+Result<Edit> MergeParts(const Context& context);
 // split_part.cc
 Result<Edit> SplitPart(const Context& context);
 // line_commands.cc

@@ -1,7 +1,5 @@
 #include "http_server.h"
 
-#include <sys/stat.h>
-
 #include <algorithm>
 #include <atomic>
 #include <boost/asio.hpp>
@@ -10,8 +8,6 @@
 #include <mutex>
 #include <optional>
 #include <thread>
-
-#include "vss/base/files.h"
 
 namespace vss::station {
 namespace asio = boost::asio;
@@ -24,78 +20,9 @@ using error_code = boost::system::error_code;
 namespace {
 
 constexpr std::size_t kMaxTargetBytes = 2048;
-constexpr std::size_t kMinTokenBytes = 16;
 constexpr std::size_t kMaxQueuedMessages = 256;  // of one WebSocket that does not read
-constexpr std::size_t kMaxWhoBytes = 60;
-
-int HexDigit(char c) {
-  if (c >= '0' && c <= '9') return c - '0';
-  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-  return -1;
-}
-
-std::optional<std::string> PercentDecode(std::string_view text, bool plus_is_space) {
-  std::string out;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    char c = text[i];
-    if (c == '%') {
-      if (i + 2 >= text.size() || HexDigit(text[i + 1]) < 0 || HexDigit(text[i + 2]) < 0) return std::nullopt;
-      c = static_cast<char>(HexDigit(text[i + 1]) * 16 + HexDigit(text[i + 2]));
-      i += 2;
-    } else if (c == '+' && plus_is_space) {
-      c = ' ';
-    }
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) return std::nullopt;
-    out += c;
-  }
-  return out;
-}
-
-bool IsSafePath(std::string_view path) {
-  if (path.empty() || path[0] != '/' || path.find('\\') != path.npos) return false;
-  for (std::size_t at = 0; at < path.size();) {
-    const std::size_t end = std::min(path.find('/', at + 1), path.size());
-    const std::string_view segment = path.substr(at + 1, end - at - 1);
-    if (segment == ".." || segment == ".") return false;
-    if (segment.empty() && end != path.size()) return false;
-    at = end;
-  }
-  return true;
-}
-
-// Takes the same time wherever the first difference lies.
-bool SameSecret(std::string_view a, std::string_view b) {
-  unsigned char difference = a.size() == b.size() ? 0 : 1;
-  for (std::size_t i = 0; i < a.size(); ++i)
-    difference |= static_cast<unsigned char>(a[i] ^ (b.empty() ? 0 : b[i % b.size()]));
-  return difference == 0;
-}
 
 std::string_view View(beast::string_view s) { return {s.data(), s.size()}; }
-
-std::string_view CookieValue(std::string_view cookies, std::string_view name) {
-  while (!cookies.empty()) {
-    const std::size_t end = std::min(cookies.find(';'), cookies.size());
-    std::string_view one = cookies.substr(0, end);
-    while (!one.empty() && one.front() == ' ') one.remove_prefix(1);
-    if (one.size() > name.size() && one.substr(0, name.size()) == name && one[name.size()] == '=')
-      return one.substr(name.size() + 1);
-    cookies.remove_prefix(std::min(end + 1, cookies.size()));
-  }
-  return {};
-}
-
-std::string HostWithoutPort(std::string_view host) {
-  if (!host.empty() && host[0] == '[') return std::string(host.substr(0, host.find(']') + 1));
-  return std::string(host.substr(0, host.find(':')));
-}
-
-std::string CleanName(std::string_view name) {
-  std::string out = PercentDecode(name, false).value_or("");
-  if (out.size() > kMaxWhoBytes) out.resize(kMaxWhoBytes);
-  return out;
-}
 
 Response Refusal(int status, std::string_view why) {
   return {status, "application/json", fmt::format("{{\"error\":\"{}\"}}", why), {}};
@@ -110,38 +37,6 @@ bool IsLoopback(std::string_view address) {
   error_code ec;
   const auto ip = asio::ip::make_address(std::string(address), ec);
   return !ec && ip.is_loopback();
-}
-
-bool ParseTarget(std::string_view target, std::string* path, std::map<std::string, std::string>* query) {
-  const std::size_t mark = std::min(target.find('?'), target.size());
-  const auto decoded = PercentDecode(target.substr(0, mark), false);
-  if (!decoded || !IsSafePath(*decoded)) return false;
-  *path = *decoded;
-  std::string_view rest = target.substr(std::min(mark + 1, target.size()));
-  while (!rest.empty()) {
-    const std::size_t end = std::min(rest.find('&'), rest.size());
-    const std::string_view one = rest.substr(0, end);
-    const std::size_t equal = std::min(one.find('='), one.size());
-    const auto name = PercentDecode(one.substr(0, equal), true);
-    const auto value = PercentDecode(one.substr(std::min(equal + 1, one.size())), true);
-    if (!name || !value) return false;
-    if (!name->empty()) (*query)[*name] = *value;
-    rest.remove_prefix(std::min(end + 1, rest.size()));
-  }
-  return true;
-}
-
-Result<std::string> ReadToken(const std::string& path) {
-  VSS_ASSIGN(auto text, ReadTextFile(path, 4096));
-  struct stat info {};
-  if (::stat(path.c_str(), &info) == 0 && (info.st_mode & (S_IRWXG | S_IRWXO)) != 0)
-    return InputError("{}: others can read this token file; run chmod 600 on it", path);
-  text.erase(std::min(text.find_first_of("\r\n"), text.size()));
-  if (text.size() < kMinTokenBytes)
-    return InputError("{}: the token has {} characters, at least {} are needed", path, text.size(), kMinTokenBytes);
-  if (!std::all_of(text.begin(), text.end(), [](char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_'; }))
-    return InputError("{}: a token consists of letters, digits, '-' and '_' only", path);
-  return text;
 }
 
 class LiveSession;
@@ -159,7 +54,8 @@ struct Server::Impl : std::enable_shared_from_this<Server::Impl> {
   std::vector<std::weak_ptr<LiveSession>> live;
   std::atomic<bool> stopped{false};
 
-  Impl(ServerOptions o, Handler h) : options(std::move(o)), handler(std::move(h)), workers(std::size_t(options.worker_threads)) {}
+  Impl(ServerOptions o, Handler h)
+      : options(std::move(o)), handler(std::move(h)), workers(std::size_t(options.worker_threads)) {}
 
   // Why this request is not answered; empty where it is.
   std::optional<Response> Refuse(const HttpRequest& request) const {
@@ -171,10 +67,13 @@ struct Server::Impl : std::enable_shared_from_this<Server::Impl> {
         return Refusal(421, "this server answers only to its own name");
     }
     const std::string_view origin = View(request[http::field::origin]);
-    if (!origin.empty() && origin != "http://" + std::string(host)) return Refusal(403, "another page may not ask this server");
+    if (!origin.empty() && origin != "http://" + std::string(host))
+      return Refusal(403, "another page may not ask this server");
     const std::string_view site = View(request["Sec-Fetch-Site"]);
-    const bool navigates = View(request["Sec-Fetch-Mode"]) == "navigate" && request.method() == http::verb::get;
-    if ((site == "cross-site" || site == "same-site") && !navigates) return Refusal(403, "another page may not ask this server");
+    const bool navigates =
+        View(request["Sec-Fetch-Mode"]) == "navigate" && request.method() == http::verb::get;
+    if ((site == "cross-site" || site == "same-site") && !navigates)
+      return Refusal(403, "another page may not ask this server");
     return std::nullopt;
   }
 
@@ -195,7 +94,8 @@ struct Server::Impl : std::enable_shared_from_this<Server::Impl> {
 // One WebSocket: it only listens; what the page says is limited and thrown away.
 class LiveSession : public std::enable_shared_from_this<LiveSession> {
  public:
-  LiveSession(beast::tcp_stream&& stream, std::shared_ptr<Server::Impl> server) : ws_(std::move(stream)), server_(std::move(server)) {}
+  LiveSession(beast::tcp_stream&& stream, std::shared_ptr<Server::Impl> server)
+      : ws_(std::move(stream)), server_(std::move(server)) {}
   ~LiveSession() { --server_->connections; }
 
   void Run(HttpRequest request) {
@@ -229,7 +129,10 @@ class LiveSession : public std::enable_shared_from_this<LiveSession> {
  private:
   void Read() {
     ws_.async_read(buffer_, [self = shared_from_this()](error_code ec, std::size_t) {
-      if (ec) { self->open_ = false; return; }
+      if (ec) {
+        self->open_ = false;
+        return;
+      }
       self->buffer_.consume(self->buffer_.size());
       self->Read();
     });
@@ -237,7 +140,10 @@ class LiveSession : public std::enable_shared_from_this<LiveSession> {
   void Write() {
     ws_.text(true);
     ws_.async_write(asio::buffer(*queue_.front()), [self = shared_from_this()](error_code ec, std::size_t) {
-      if (ec) { self->open_ = false; return; }
+      if (ec) {
+        self->open_ = false;
+        return;
+      }
       self->queue_.pop_front();
       if (!self->queue_.empty()) self->Write();
     });
@@ -256,21 +162,25 @@ namespace {
 // One connection: requests one after the other, each answered before the next is read.
 class HttpSession : public std::enable_shared_from_this<HttpSession> {
  public:
-  HttpSession(tcp::socket&& socket, std::shared_ptr<Server::Impl> server) : stream_(std::move(socket)), server_(std::move(server)) {}
-  ~HttpSession() { if (!handed_over_) --server_->connections; }
+  HttpSession(tcp::socket&& socket, std::shared_ptr<Server::Impl> server)
+      : stream_(std::move(socket)), server_(std::move(server)) {}
+  ~HttpSession() {
+    if (!handed_over_) --server_->connections;
+  }
 
   void Read() {
     parser_.emplace();
     parser_->header_limit(std::uint32_t(server_->options.max_header_bytes));
     parser_->body_limit(server_->options.max_body_bytes);
     stream_.expires_after(std::chrono::seconds(server_->options.timeout_s));
-    http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](error_code ec, std::size_t) { self->OnRead(ec); });
+    http::async_read(stream_, buffer_, *parser_,
+                     [self = shared_from_this()](error_code ec, std::size_t) { self->OnRead(ec); });
   }
 
  private:
   void OnRead(error_code ec) {
-    if (ec == http::error::end_of_stream || ec == asio::error::operation_aborted || ec == asio::error::connection_reset || ec == asio::error::eof ||
-        ec == beast::error::timeout)
+    if (ec == http::error::end_of_stream || ec == asio::error::operation_aborted ||
+        ec == asio::error::connection_reset || ec == asio::error::eof || ec == beast::error::timeout)
       return Shut();
     if (ec == http::error::body_limit) return Send(Refusal(413, "the request is too large"), true);
     if (ec == http::error::header_limit) return Send(Refusal(431, "the request's header is too large"), true);
@@ -284,12 +194,15 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
   void Check() {
     Request asked;
     const std::string_view target = View(request_.target());
-    if (request_.count(http::field::host) != 1) return Send(Refusal(400, "a request needs one Host header"), true);
+    if (request_.count(http::field::host) != 1)
+      return Send(Refusal(400, "a request needs one Host header"), true);
     if (target.size() > kMaxTargetBytes) return Send(Refusal(414, "the address is too long"), true);
-    if (!ParseTarget(target, &asked.path, &asked.query)) return Send(Refusal(400, "the address is malformed"), true);
+    if (!ParseTarget(target, &asked.path, &asked.query))
+      return Send(Refusal(400, "the address is malformed"), true);
     if (auto refusal = server_->Refuse(request_)) return Send(std::move(*refusal), true);
     if (TakesTokenFromAddress(asked)) return;
-    if (!server_->HasToken(request_)) return Send(Refusal(401, "the right token is needed; open the address that the station printed"), true);
+    if (!server_->HasToken(request_))
+      return Send(Refusal(401, "the right token is needed; open the address that the station printed"), true);
     if (websocket::is_upgrade(request_)) return Upgrade(asked.path);
     const auto method = request_.method();
     if (method != http::verb::get && method != http::verb::head && method != http::verb::post) {
@@ -299,7 +212,8 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
     }
     if (method == http::verb::post) {
       std::string type(View(request_[http::field::content_type]));
-      if (type.substr(0, type.find(';')) != "application/json") return Send(Refusal(415, "what is posted must be application/json"), true);
+      if (type.substr(0, type.find(';')) != "application/json")
+        return Send(Refusal(415, "what is posted must be application/json"), true);
     }
     asked.method = method == http::verb::post ? "POST" : "GET";
     asked.who = CleanName(View(request_["X-VSS-Who"]));
@@ -317,7 +231,11 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
       Send(Refusal(401, "the token is wrong"), true);
       return true;
     }
-    Response go{303, "text/plain", "", {{"Location", "/"}, {"Set-Cookie", "vss_token=" + token + "; HttpOnly; SameSite=Strict; Path=/"}}};
+    Response go{
+        303,
+        "text/plain",
+        "",
+        {{"Location", "/"}, {"Set-Cookie", "vss_token=" + token + "; HttpOnly; SameSite=Strict; Path=/"}}};
     Send(std::move(go), false);
     return true;
   }
@@ -338,7 +256,8 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
       } catch (const std::exception&) {
         answer = Refusal(500, "the station failed to answer; its terminal says more");
       }
-      asio::post(self->stream_.get_executor(), [self, answer = std::move(answer)]() mutable { self->Send(std::move(answer), false); });
+      asio::post(self->stream_.get_executor(),
+                 [self, answer = std::move(answer)]() mutable { self->Send(std::move(answer), false); });
     });
   }
 
@@ -352,7 +271,8 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
     out_->set("Referrer-Policy", "no-referrer");
     out_->set("Cross-Origin-Resource-Policy", "same-origin");
     out_->set("Content-Security-Policy",
-              "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; connect-src 'self' ws: wss:; "
+              "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; connect-src "
+              "'self' ws: wss:; "
               "frame-ancestors 'none'; base-uri 'none'; form-action 'none'");
     bool cached = false;
     for (auto& [name, value] : answer.headers) {
@@ -374,7 +294,8 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
     http::async_write_header(stream_, *serializer_, std::move(done));
   }
 
-  // Closing with unread bytes would reset the connection and lose the answer: read a little first, for a short time.
+  // Closing with unread bytes would reset the connection and lose the answer: read a little first, for a
+  // short time.
   void Drain(error_code ec) {
     error_code ignored;
     if (ec) return Shut();
@@ -412,30 +333,36 @@ class HttpSession : public std::enable_shared_from_this<HttpSession> {
 }  // namespace
 
 void Server::Impl::Accept() {
-  acceptor.async_accept(asio::make_strand(io), [self = shared_from_this()](error_code ec, tcp::socket socket) {
-    if (self->stopped || ec == asio::error::operation_aborted) return;
-    if (!ec && self->connections < self->options.max_connections) {
-      ++self->connections;
-      socket.set_option(tcp::no_delay(true), ec);
-      std::make_shared<HttpSession>(std::move(socket), self)->Read();
-    }
-    self->Accept();
-  });
+  acceptor.async_accept(asio::make_strand(io),
+                        [self = shared_from_this()](error_code ec, tcp::socket socket) {
+                          if (self->stopped || ec == asio::error::operation_aborted) return;
+                          if (!ec && self->connections < self->options.max_connections) {
+                            ++self->connections;
+                            socket.set_option(tcp::no_delay(true), ec);
+                            std::make_shared<HttpSession>(std::move(socket), self)->Read();
+                          }
+                          self->Accept();
+                        });
 }
 
 Result<std::unique_ptr<Server>> Server::Start(const ServerOptions& options, Handler handler) {
   error_code ec;
   const auto address = asio::ip::make_address(options.address, ec);
-  if (ec) return UsageError("--listen {}: not an address; give a number such as 192.168.0.7", options.address);
+  if (ec)
+    return UsageError("--listen {}: not an address; give a number such as 192.168.0.7", options.address);
   if (!address.is_loopback() && options.token.empty())
-    return UsageError("--listen {}: anybody on the network could open this survey; name a token with --token-file", options.address);
+    return UsageError(
+        "--listen {}: anybody on the network could open this survey; name a token with --token-file",
+        options.address);
   auto impl = std::make_shared<Impl>(options, std::move(handler));
   const tcp::endpoint endpoint(address, options.port);
   impl->acceptor.open(endpoint.protocol(), ec);
   if (!ec) impl->acceptor.set_option(asio::socket_base::reuse_address(true), ec);
   if (!ec) impl->acceptor.bind(endpoint, ec);
   if (!ec) impl->acceptor.listen(asio::socket_base::max_listen_connections, ec);
-  if (ec) return UsageError("cannot listen on {} port {} ({}); choose another with --port", options.address, options.port, ec.message());
+  if (ec)
+    return UsageError("cannot listen on {} port {} ({}); choose another with --port", options.address,
+                      options.port, ec.message());
   impl->port = impl->acceptor.local_endpoint().port();
   impl->Accept();
   impl->threads.emplace_back([raw = impl.get()] { raw->io.run(); });
@@ -446,7 +373,9 @@ Server::~Server() { Stop(); }
 std::uint16_t Server::port() const { return impl_->port; }
 
 std::string Server::url() const {
-  const std::string host = impl_->options.address.find(':') != std::string::npos ? "[" + impl_->options.address + "]" : impl_->options.address;
+  const std::string host = impl_->options.address.find(':') != std::string::npos
+                               ? "[" + impl_->options.address + "]"
+                               : impl_->options.address;
   return fmt::format("http://{}:{}/", host, impl_->port);
 }
 

@@ -1,9 +1,9 @@
-// The station's HTTP and WebSocket server: who may ask, how much, and how answers go out. What is answered is the
-// business of the handler.
+// The station's HTTP and WebSocket server: who may ask, how much, and how answers go out. What is answered is
+// the business of the handler.
 //
-// Rules, in this order: a request is small and well-formed (400, 413, 414, 431), its Host is this server (421), its
-// Origin is this page (403), its token is right where one is demanded (401), its method is GET, HEAD or POST (405),
-// and what it posts is JSON (415). A WebSocket opens on /api/live alone.
+// Rules, in this order: a request is small and well-formed (400, 413, 414, 431), its Host is this server
+// (421), its Origin is this page (403), its token is right where one is demanded (401), its method is GET,
+// HEAD or POST (405), and what it posts is JSON (415). A WebSocket opens on /api/live alone.
 #pragma once
 #include <cstdint>
 #include <functional>
@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "request_text.h"
 #include "vss/base/result.h"
 
 namespace vss::station {
@@ -23,7 +24,7 @@ struct Request {
   std::string path;    // decoded; starts with '/', has no "..", no control character and no backslash
   std::map<std::string, std::string> query;
   std::string body;
-  std::string who;     // the name that the page gives itself; "" where it gives none
+  std::string who;  // the name that the page gives itself; "" where it gives none
   std::string if_none_match;
 };
 
@@ -36,24 +37,20 @@ struct Response {
 
 struct ServerOptions {
   std::string address = "127.0.0.1";
-  std::uint16_t port = 0;             // 0: a free one
-  std::string token;                  // demanded of every request where not empty
+  std::uint16_t port = 0;  // 0: a free one
+  std::string token;       // demanded of every request where not empty
   std::size_t max_body_bytes = 1 << 20;
   std::size_t max_header_bytes = 16 << 10;
   std::size_t max_message_bytes = 64 << 10;  // of a WebSocket
   int max_connections = 512;
-  int timeout_s = 30;                 // for a request to arrive and for an answer to leave
-  int worker_threads = 2;             // that run the handler
+  int timeout_s = 30;      // for a request to arrive and for an answer to leave
+  int worker_threads = 2;  // that run the handler
 };
 
 using Handler = std::function<Response(const Request&)>;
 
-// Reads the token that --token-file names: one line, 16 characters or more, in a file that only its owner can read.
-Result<std::string> ReadToken(const std::string& path);
 // Is this an address that only this machine reaches?
 bool IsLoopback(std::string_view address);
-// Percent-decodes a request target into path and query. False where it is malformed or hostile.
-bool ParseTarget(std::string_view target, std::string* path, std::map<std::string, std::string>* query);
 
 class Server {
  public:

@@ -26,7 +26,9 @@ Response Echo(const Request& request) {
   return {200, "text/plain", request.method + " " + request.path + " " + request.body, {}};
 }
 
-std::unique_ptr<Server> StartEcho(ServerOptions options = {}) { return std::move(Server::Start(options, Echo).value()); }
+std::unique_ptr<Server> StartEcho(ServerOptions options = {}) {
+  return std::move(Server::Start(options, Echo).value());
+}
 
 TEST(Server, AnswersAGet) {
   auto server = StartEcho();
@@ -57,7 +59,9 @@ TEST(Server, RefusesEachKindOfBadRequestWithItsStatus) {
   EXPECT_EQ(StatusOf(port, Post("/", "{}", "Host: localhost\r\n")), 415);
   EXPECT_EQ(StatusOf(port, Get("/", "Host: evil.example\r\n")), 421);
   EXPECT_EQ(StatusOf(port, Get("/", "Host: localhost\r\nOrigin: http://evil.example\r\n")), 403);
-  EXPECT_EQ(StatusOf(port, Post("/", "{}", "Host: localhost\r\nOrigin: null\r\nContent-Type: application/json\r\n")), 403);
+  EXPECT_EQ(StatusOf(port, Post("/", "{}",
+                                "Host: localhost\r\nOrigin: null\r\nContent-Type: application/json\r\n")),
+            403);
   EXPECT_EQ(StatusOf(port, Get("/", "Host: localhost\r\nSec-Fetch-Site: cross-site\r\n")), 403);
   EXPECT_EQ(StatusOf(port, "DELETE / HTTP/1.1\r\nHost: localhost\r\n\r\n"), 405);
   EXPECT_EQ(StatusOf(port, "TRACE / HTTP/1.1\r\nHost: localhost\r\n\r\n"), 405);
@@ -103,7 +107,8 @@ TEST(Server, ReadsATokenOnlyFromAFileOfItsOwner) {
 }
 
 using Ws = beast::websocket::stream<tcp::socket>;
-boost::system::error_code Open(Ws& ws, std::uint16_t port, const std::string& target, const std::string& origin) {
+boost::system::error_code Open(Ws& ws, std::uint16_t port, const std::string& target,
+                               const std::string& origin) {
   ws.next_layer().connect({asio::ip::make_address("127.0.0.1"), port});
   ws.set_option(beast::websocket::stream_base::decorator([origin](beast::websocket::request_type& r) {
     if (!origin.empty()) r.set(beast::http::field::origin, origin);
@@ -120,7 +125,8 @@ TEST(Server, SendsToEveryOpenWebSocketAndRefusesThoseOfOtherPages) {
   EXPECT_FALSE(Open(good, server->port(), "/api/live", "http://localhost"));
   EXPECT_TRUE(Open(evil, server->port(), "/api/live", "http://evil.example"));
   EXPECT_TRUE(Open(elsewhere, server->port(), "/other", ""));
-  for (int i = 0; i < 100 && server->num_listeners() < 1; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  for (int i = 0; i < 100 && server->num_listeners() < 1; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
   server->Broadcast("{\"hello\":1}");
   beast::flat_buffer buffer;
   good.read(buffer);
@@ -159,20 +165,28 @@ Hostile MakeHostile(std::mt19937& random) {
       for (int i = 0, n = 1 + pick(6); i < n; ++i) target += ways[pick(7)];
       return {Get(target + "/etc/passwd"), {400}};
     }
-    case 1: return {Post("/api/x", std::string(std::size_t(70000 + pick(50000)), 'z')), {413}};
-    case 2: return {Get("/", "Host: localhost\r\nAuthorization: Bearer " + noise(16) + "\r\n"), {401}};
-    case 3: return {Get("/api/survey", "Host: localhost\r\nOrigin: http://" + noise(5) + ".example\r\n"), {403}};
-    case 4: return {Get("/", "Host: " + noise(6) + ".example\r\n"), {421}};
+    case 1:
+      return {Post("/api/x", std::string(std::size_t(70000 + pick(50000)), 'z')), {413}};
+    case 2:
+      return {Get("/", "Host: localhost\r\nAuthorization: Bearer " + noise(16) + "\r\n"), {401}};
+    case 3:
+      return {Get("/api/survey", "Host: localhost\r\nOrigin: http://" + noise(5) + ".example\r\n"), {403}};
+    case 4:
+      return {Get("/", "Host: " + noise(6) + ".example\r\n"), {421}};
     case 5: {
       std::string bytes;
       for (int i = 0, n = 4 + pick(300); i < n; ++i) bytes += char(1 + pick(255));
       return {bytes + "\r\n\r\n", {400, 0}};
     }
-    case 6: return {Get("/" + noise(2100 + pick(3000))), {414}};
-    case 7: return {Get("/", "Host: localhost\r\nX-N: " + noise(17000) + "\r\n"), {431}};
+    case 6:
+      return {Get("/" + noise(2100 + pick(3000))), {414}};
+    case 7:
+      return {Get("/", "Host: localhost\r\nX-N: " + noise(17000) + "\r\n"), {431}};
     default: {
       const char* methods[] = {"PUT", "DELETE", "PATCH", "OPTIONS", "TRACE"};
-      return {std::string(methods[pick(5)]) + " / HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer 0123456789abcdef\r\n\r\n", {405}};
+      return {std::string(methods[pick(5)]) +
+                  " / HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer 0123456789abcdef\r\n\r\n",
+              {405}};
     }
   }
 }
@@ -182,7 +196,10 @@ TEST(Server, RefusesTenThousandHostileRequestsAndLives) {
   options.token = "0123456789abcdef";
   options.max_body_bytes = 64 << 10;
   std::atomic<int> handled{0};
-  auto server = std::move(Server::Start(options, [&](const Request& r) { ++handled; return Echo(r); }).value());
+  auto server = std::move(Server::Start(options, [&](const Request& r) {
+                            ++handled;
+                            return Echo(r);
+                          }).value());
   std::mt19937 random(7);
   for (int i = 0; i < 10000; ++i) {
     const Hostile hostile = MakeHostile(random);
@@ -191,7 +208,9 @@ TEST(Server, RefusesTenThousandHostileRequestsAndLives) {
         << "request " << i << " got " << status << ": " << hostile.bytes.substr(0, 80);
   }
   EXPECT_EQ(handled, 0) << "a hostile request reached the handler";
-  EXPECT_EQ(StatusOf(server->port(), Get("/", "Host: localhost\r\nAuthorization: Bearer 0123456789abcdef\r\n")), 200);
+  EXPECT_EQ(
+      StatusOf(server->port(), Get("/", "Host: localhost\r\nAuthorization: Bearer 0123456789abcdef\r\n")),
+      200);
 }
 
 }  // namespace

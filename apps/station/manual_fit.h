@@ -1,7 +1,7 @@
-// Manual mode: pose and dimensions of one object from lines that a person picked and assigned to its contours. It
-// starts from nothing, answers within a click, and says what the lines picked so far do not determine yet.
+// Manual mode: pose and dimensions of one object from lines that a person picked and assigned to its
+// contours. It starts from nothing, answers within a click, and says what the lines picked so far do not
+// determine yet.
 #pragma once
-#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -13,25 +13,26 @@
 
 namespace vss::station {
 
-// A picked line of a picture and the contour it was assigned to: an edge of the solid, or a rim where `is_circle`.
+// A picked line of a picture and the contour it was assigned to: an edge of the solid, or a rim where
+// `is_circle`.
 struct Pick {
   int image = 0;
-  int line = 0;   // as the station numbers it
+  int line = 0;  // as the station numbers it
   int contour = 0;
   bool is_circle = false;
-  Eigen::Vector2d ideal_start, ideal_end;      // a straight line: its ends, px without distortion
-  std::vector<Eigen::Vector2d> ideal_points;   // an arc: points along it
+  Eigen::Vector2d ideal_start, ideal_end;     // a straight line: its ends, px without distortion
+  std::vector<Eigen::Vector2d> ideal_points;  // an arc: points along it
   double sigma_offset_px = 0, sigma_angle_rad = 0;
 };
 
 struct FitQuestion {
   const ObjectModel* model = nullptr;
   int resting_pose = 0;
-  double support_height_mm = 0;                // of what the part stands on
+  double support_height_mm = 0;  // of what the part stands on
   std::vector<Pick> picks;
-  std::map<std::string, double> fixed_mm;      // dimensions that the operator gave
-  int present_image = -1;                      // that the operator looks at; hints prefer it
-  std::optional<PlacedObject> start;           // where it was before; left out: found from the picks
+  std::map<std::string, double> fixed_mm;  // dimensions that the operator gave
+  int present_image = -1;                  // that the operator looks at; hints prefer it
+  std::optional<PlacedObject> start;       // where it was before; left out: found from the picks
 };
 
 // A contour that, if it were picked, would determine a dimension best.
@@ -43,25 +44,16 @@ struct Hint {
 
 struct FitAnswer {
   PlacedObject object;
-  Eigen::MatrixXd covariance;                  // of the object's state
-  std::vector<double> residual_px;             // of each pick: RMS distance from its contour
+  Eigen::MatrixXd covariance;       // of the object's state
+  std::vector<double> residual_px;  // of each pick: RMS distance from its contour
   double rms_px = 0;
-  std::vector<double> sigma_mm;                // of each dimension
-  std::vector<bool> observable;                // of each dimension
-  bool placed = false;                         // do the picks determine where it stands?
+  std::vector<double> sigma_mm;  // of each dimension
+  std::vector<bool> observable;  // of each dimension
+  bool placed = false;           // do the picks determine where it stands?
   std::vector<Hint> hints;
 };
 
 // `views`: all pictures, by index. Errors: no pick yet; picks that no placement of the object explains.
 Result<FitAnswer> FitPicks(const FitQuestion& question, const std::vector<View>& views);
-
-// The lines of all pictures that lie on the visible contour of the fitted object, picks included: what a person would
-// click next. `taken(image, line)` keeps lines of other parts out.
-std::vector<Pick> CollectPicks(const PlacedObject& object, const std::vector<View>& views, const Occluders* others,
-                               double tolerance_px, const std::function<bool(int image, int line)>& taken,
-                               const std::function<std::vector<Pick>(int image)>& lines_of);
-
-// The part with everything that a product says of it, `source` and id excepted.
-Part PartOfFit(const FitAnswer& answer, const FitQuestion& question);
 
 }  // namespace vss::station

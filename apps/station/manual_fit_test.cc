@@ -5,6 +5,8 @@
 #include <cmath>
 #include <random>
 
+#include "collect_picks.h"
+#include "part_of_fit.h"
 #include "snap.h"
 #include "workspace.h"
 
@@ -42,7 +44,8 @@ PlacedObject TrueBox(const KnowledgeBase& knowledge) {
 }
 
 // The visible edges of the box in every picture, as lines with noise.
-std::vector<Pick> LinesOf(const PlacedObject& object, const std::vector<View>& views, double sigma_px, std::mt19937& random) {
+std::vector<Pick> LinesOf(const PlacedObject& object, const std::vector<View>& views, double sigma_px,
+                          std::mt19937& random) {
   std::normal_distribution<double> noise(0, sigma_px);
   const WorldSolid solid = PlaceSolid(object, false);
   std::vector<Pick> picks;
@@ -89,7 +92,8 @@ TEST_F(ManualFit, FindsABoxFromNothing) {
   for (int i = 0; i < 3; ++i) {
     EXPECT_NEAR(answer->object.dimensions_mm[std::size_t(i)], truth.dimensions_mm[std::size_t(i)], 2);
     EXPECT_TRUE(answer->observable[std::size_t(i)]);
-    EXPECT_LT(std::abs(answer->object.dimensions_mm[std::size_t(i)] - truth.dimensions_mm[std::size_t(i)]), 5 * answer->sigma_mm[std::size_t(i)]);
+    EXPECT_LT(std::abs(answer->object.dimensions_mm[std::size_t(i)] - truth.dimensions_mm[std::size_t(i)]),
+              5 * answer->sigma_mm[std::size_t(i)]);
   }
   EXPECT_NEAR(std::remainder(answer->object.placement[3] - truth.placement[3], 2 * kPi), 0, 0.01);
   EXPECT_LT(answer->rms_px, 0.5);
@@ -106,8 +110,10 @@ TEST_F(ManualFit, SaysWhatOneEdgeDoesNotDetermineAndWhichWould) {
   question.picks.clear();
   for (const auto& p : all) {
     const auto& e = solid.edges[std::size_t(p.contour)];
-    if (std::min(solid.vertices[std::size_t(e.start)].point.z(), solid.vertices[std::size_t(e.end)].point.z()) < 1 &&
-        std::max(solid.vertices[std::size_t(e.start)].point.z(), solid.vertices[std::size_t(e.end)].point.z()) < 1)
+    if (std::min(solid.vertices[std::size_t(e.start)].point.z(),
+                 solid.vertices[std::size_t(e.end)].point.z()) < 1 &&
+        std::max(solid.vertices[std::size_t(e.start)].point.z(),
+                 solid.vertices[std::size_t(e.end)].point.z()) < 1)
       question.picks.push_back(p);
   }
   ASSERT_GE(question.picks.size(), 2u);
@@ -143,11 +149,13 @@ TEST_F(ManualFit, CollectsTheLinesThatLieOnTheContourAndNoOthers) {
   stray.ideal_end += Vector2d(15, 15);
   auto lines_of = [&](int image) {
     std::vector<Pick> lines;
-    for (const auto& p : all) if (p.image == image) lines.push_back(p);
+    for (const auto& p : all)
+      if (p.image == image) lines.push_back(p);
     if (image == stray.image) lines.push_back(stray);
     return lines;
   };
-  const auto found = CollectPicks(truth, rig.views, nullptr, 2, [](int, int) { return false; }, lines_of);
+  const auto found = CollectPicks(
+      truth, rig.views, nullptr, 2, [](const Pick&) { return false; }, lines_of);
   EXPECT_GE(found.size(), all.size() * 8 / 10);
   for (const auto& p : found) {
     EXPECT_NE(p.line, 999);
@@ -165,11 +173,72 @@ TEST_F(ManualFit, ComesBackFromAPartToTheObjectItWas) {
   const auto files = std::vector<std::string>{"a.png", "b.png"};
   StationPart kept{part, true, "why"};
   kept.part.id = "part-1";
+  kept.part.contour_residuals = {{"edge", 3, 0, "contact", 1, 0.012345678901, 0.2, 41, false},
+                                 {"limb", 0, 1, "limb", 0, -0.1, 0.3, 9, true}};
+  kept.part.straightness = {{2, 0.31, 0.07, 5}};
+  kept.part.observable = {true, true, false, true, false, false, true, true, true};
+  kept.part.singular_values = Eigen::Vector3d(30, 2, 0.1);
   const auto read = PartFromJson(Json::parse(PartToJson(kept, files).dump()), files);
   ASSERT_TRUE(read) << read.error().message;
   EXPECT_TRUE(read->confirmed);
   EXPECT_EQ(read->part.matches.size(), part.matches.size());
   EXPECT_LT((read->part.covariance - part.covariance).norm(), 1e-9 * part.covariance.norm());
+  Product before, after;
+  before.parts = {kept.part};
+  after.parts = {read->part};
+  EXPECT_EQ(ProductToJson(after, files), ProductToJson(before, files))
+      << "a product made of it says the same, residuals of contours and bent edges too";
+}
+
+// JSON has no infinity: what could not be said is null, and the part is there all the same.
+TEST_F(ManualFit, KeepsAPartWithAResidualThatIsNoNumber) {
+  question.picks = LinesOf(truth, rig.views, 0.05, random);
+  const auto answer = FitPicks(question, rig.views);
+  ASSERT_TRUE(answer);
+  StationPart kept{PartOfFit(*answer, question), false, ""};
+  kept.part.id = "part-1";
+  kept.part.matches[0].residual_px = INFINITY;
+  const auto files = std::vector<std::string>{"a.png", "b.png"};
+  const auto read = PartFromJson(Json::parse(PartToJson(kept, files).dump()), files);
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_FALSE(std::isfinite(read->part.matches[0].residual_px));
+}
+
+// A hole's diameter and place stand in its rim only.
+TEST_F(ManualFit, SaysWhichRimWouldShowAHole) {
+  const std::vector<std::string> names = {"holed_plate"};
+  const KnowledgeBase plates = LoadKnowledge(names, ".").value();
+  PlacedObject plate;
+  plate.model = plates.Find("holed_plate");
+  plate.placement << 80, -40, 0, 0.6, 0, 0;
+  plate.dimensions_mm = {900, 500, 30, 200, 0, 60};
+  question = {};
+  question.model = plate.model;
+  question.picks = LinesOf(plate, rig.views, 0.05, random);
+  const auto edges = FitPicks(question, rig.views);
+  ASSERT_TRUE(edges) << edges.error().message;
+  const auto hint = std::find_if(edges->hints.begin(), edges->hints.end(),
+                                 [](const Hint& h) { return h.dimension == "hole_diameter"; });
+  ASSERT_NE(hint, edges->hints.end());
+  EXPECT_TRUE(hint->is_circle);
+  Pick rim;
+  rim.image = hint->image;
+  rim.contour = hint->contour;
+  rim.is_circle = true;
+  rim.sigma_offset_px = 0.05;
+  for (const auto& s : SampleContour(PlaceSolid(plate, false), rig.views[std::size_t(hint->image)], 4, 4))
+    if (s.visible && s.source == ContourSample::Source::kCircle && s.index == hint->contour)
+      rim.ideal_points.push_back(s.ideal);
+  question.picks.push_back(rim);
+  question.start = edges->object;
+  const auto all = FitPicks(question, rig.views);
+  ASSERT_TRUE(all);
+  const auto defs = plate.model->dimensions();
+  for (std::size_t i = 0; i < defs.size(); ++i) {
+    EXPECT_TRUE(all->observable[i]) << defs[i].name << " is not observable";
+    EXPECT_NEAR(all->object.dimensions_mm[i], plate.dimensions_mm[i], 4 * all->sigma_mm[i]) << defs[i].name;
+  }
+  EXPECT_TRUE(all->hints.empty());
 }
 
 // A step edge, blurred, along a line through (u0, v0) with direction `angle`; bright on the left.
@@ -178,7 +247,8 @@ GreyImage StepImage(double offset, double angle) {
   for (int v = 0; v < 100; ++v)
     for (int u = 0; u < 120; ++u) {
       const double d = -std::sin(angle) * (u - 60) + std::cos(angle) * (v - 50) - offset;
-      image.Row8(v)[u] = static_cast<std::uint8_t>(std::lround(60 + 60 * (1 - std::erf(d / (0.7 * std::sqrt(2.0)))) ));
+      image.Row8(v)[u] =
+          static_cast<std::uint8_t>(std::lround(60 + 60 * (1 - std::erf(d / (0.7 * std::sqrt(2.0))))));
     }
   return image;
 }
@@ -215,7 +285,8 @@ TEST(Snap, LeavesALineWhereThereIsNoEdge) {
   EXPECT_EQ(same.start, drawn.start);
 }
 
-// A disc on a dark floor, as the rig's first camera sees it: bright inside the rim of `radius` around (x, y) at height z.
+// A disc on a dark floor, as the rig's first camera sees it: bright inside the rim of `radius` around (x, y)
+// at height z.
 GreyImage DiscImage(const View& view, const Vector3d& center, double radius) {
   constexpr int kFine = 4;  // samples a pixel each way
   GreyImage image(512, 512, 8);
@@ -224,7 +295,8 @@ GreyImage DiscImage(const View& view, const Vector3d& center, double radius) {
       int inside = 0;
       for (int i = 0; i < kFine * kFine; ++i) {
         const Vector2d img(u - 0.5 + (i % kFine + 0.5) / kFine, v - 0.5 + (i / kFine + 0.5) / kFine);
-        const Vector3d ray = view.RayOfIdeal(img), p = view.center_in_world + (center.z() - view.center_in_world.z()) / ray.z() * ray;
+        const Vector3d ray = view.RayOfIdeal(img),
+                       p = view.center_in_world + (center.z() - view.center_in_world.z()) / ray.z() * ray;
         inside += (p - center).norm() < radius;
       }
       image.Row8(v)[u] = std::uint8_t(40 + 160 * inside / (kFine * kFine));
@@ -240,7 +312,8 @@ TEST(Snap, MovesACurveOntoItsRimAndFollowsItAllRound) {
   std::array<Vector2d, 3> clicked;
   const double turns[] = {0.2, 1.1, 2.3};  // not half of it
   for (std::size_t i = 0; i < 3; ++i)
-    clicked[i] = *view.ProjectInside(center + 260 * Vector3d(std::cos(turns[i]), std::sin(turns[i]), 0)) + Vector2d(i == 1 ? 1.5 : -1, 1);
+    clicked[i] = *view.ProjectInside(center + 260 * Vector3d(std::cos(turns[i]), std::sin(turns[i]), 0)) +
+                 Vector2d(i == 1 ? 1.5 : -1, 1);
   const auto arc = SnapToRim(image.view(), view, clicked);
   ASSERT_TRUE(arc) << arc.error().message;
   EXPECT_GT(arc->contrast, 60);
@@ -249,8 +322,10 @@ TEST(Snap, MovesACurveOntoItsRimAndFollowsItAllRound) {
   const Eigen::Rotation2Dd turn(arc->angle_rad);
   for (int k = 0; k < 12; ++k) {
     const double t = k * kPi / 6;
-    const Vector2d p = arc->center + turn * Vector2d(arc->axes.x() * std::cos(t), arc->axes.y() * std::sin(t));
-    const Vector3d ray = view.RayOfIdeal(p), on_disc = view.center_in_world + (center.z() - view.center_in_world.z()) / ray.z() * ray;
+    const Vector2d p =
+        arc->center + turn * Vector2d(arc->axes.x() * std::cos(t), arc->axes.y() * std::sin(t));
+    const Vector3d ray = view.RayOfIdeal(p),
+                   on_disc = view.center_in_world + (center.z() - view.center_in_world.z()) / ray.z() * ray;
     EXPECT_NEAR((on_disc - center).norm(), 260, 1) << "a pixel is some 6 mm";
   }
 }
@@ -259,11 +334,13 @@ TEST(Snap, LeavesACurveWhereThereIsNoEdgeAndRefusesAStraightOne) {
   const Rig rig;
   GreyImage flat(512, 512, 8);
   for (int v = 0; v < 512; ++v) std::fill(flat.Row8(v), flat.Row8(v) + 512, std::uint8_t(90));
-  const auto arc = SnapToRim(flat.view(), rig.views[0], {Vector2d(200, 200), Vector2d(260, 180), Vector2d(300, 230)});
+  const auto arc =
+      SnapToRim(flat.view(), rig.views[0], {Vector2d(200, 200), Vector2d(260, 180), Vector2d(300, 230)});
   ASSERT_TRUE(arc) << arc.error().message;
   EXPECT_EQ(arc->contrast, 0);
   EXPECT_LT(arc->to_rad - arc->from_rad, 6) << "from the first click to the last, not all round";
-  const auto straight = SnapToRim(flat.view(), rig.views[0], {Vector2d(100, 100), Vector2d(200, 151), Vector2d(300, 200)});
+  const auto straight =
+      SnapToRim(flat.view(), rig.views[0], {Vector2d(100, 100), Vector2d(200, 151), Vector2d(300, 200)});
   ASSERT_FALSE(straight);
   EXPECT_NE(straight.error().message.find("straight line"), std::string::npos);
 }

@@ -9,12 +9,13 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kHideMarginMm = 0.5;   // a point lies on its own faces: rays stop this far before it
+constexpr double kHideMarginMm = 0.5;  // a point lies on its own faces: rays stop this far before it
 constexpr int kSamplesAnEdge = 24;
 constexpr int kSamplesACircle = 48;
-constexpr int kSamplesACut = 8;         // of the piece of a cut's outline that lies in one triangle
-constexpr double kBorder = 0.25;        // of the picture's width: so far beyond the border a contour is followed
-constexpr double kDrawnPx = 0.05;       // a point that lies no farther beside the line through its neighbours is not drawn
+constexpr int kSamplesACut = 8;   // of the piece of a cut's outline that lies in one triangle
+constexpr double kBorder = 0.25;  // of the picture's width: so far beyond the border a contour is followed
+constexpr double kDrawnPx =
+    0.05;  // a point that lies no farther beside the line through its neighbours is not drawn
 
 // `points` without those that a straight line between others replaces (Douglas and Peucker 1973).
 std::vector<Vector2d> Simplified(const std::vector<Vector2d>& points) {
@@ -71,8 +72,12 @@ struct Drawer {
     for (std::size_t i = 0; i + 1 < points.size(); ++i) {
       const auto a = b;
       b = Img(points[i + 1]);
-      if (!a || !b) { finish(); continue; }
-      const bool hidden = !occluders.Free(view.center_in_world, (points[i] + points[i + 1]) / 2, kHideMarginMm);
+      if (!a || !b) {
+        finish();
+        continue;
+      }
+      const bool hidden =
+          !occluders.Free(view.center_in_world, (points[i] + points[i + 1]) / 2, kHideMarginMm);
       if (!piece.points.empty() && piece.hidden != hidden) finish();
       if (piece.points.empty()) {
         piece.source = source;
@@ -87,7 +92,8 @@ struct Drawer {
 
   void Edges(const WorldSolid& solid) {
     for (std::size_t i = 0; i < solid.edges.size(); ++i) {
-      const Vector3d a = solid.vertices[std::size_t(solid.edges[i].start)].point, b = solid.vertices[std::size_t(solid.edges[i].end)].point;
+      const Vector3d a = solid.vertices[std::size_t(solid.edges[i].start)].point,
+                     b = solid.vertices[std::size_t(solid.edges[i].end)].point;
       std::vector<Vector3d> points;
       for (int k = 0; k <= kSamplesAnEdge; ++k) points.push_back(a + (b - a) * (double(k) / kSamplesAnEdge));
       Trace(ContourSample::Source::kEdge, int(i), points);
@@ -107,7 +113,9 @@ struct Drawer {
   }
 
   void Limbs(const WorldSolid& solid) {
-    if (std::none_of(solid.faces.begin(), solid.faces.end(), [](const SolidFace& f) { return f.is_cylinder; })) return;
+    if (std::none_of(solid.faces.begin(), solid.faces.end(),
+                     [](const SolidFace& f) { return f.is_cylinder; }))
+      return;
     std::map<std::pair<int, int>, std::vector<Vector3d>> limbs;
     for (const auto& s : SampleContour(solid, view, 8, 2))
       if (s.source == ContourSample::Source::kLimb) limbs[{s.index, s.limb_side}].push_back(s.point_in_world);
@@ -117,7 +125,8 @@ struct Drawer {
 
 }  // namespace
 
-std::vector<ContourPiece> ProjectContour(const WorldSolid& solid, const View& view, const Occluders& occluders) {
+std::vector<ContourPiece> ProjectContour(const WorldSolid& solid, const View& view,
+                                         const Occluders& occluders) {
   Drawer drawer{view, occluders, {}};
   drawer.Edges(solid);
   drawer.Circles(solid);
@@ -125,7 +134,8 @@ std::vector<ContourPiece> ProjectContour(const WorldSolid& solid, const View& vi
   return std::move(drawer.pieces);
 }
 
-std::vector<ContourPiece> ProjectCut(const WorldSolid& solid, const Vector3d& point, const Vector3d& normal, const View& view, const Occluders& occluders) {
+std::vector<ContourPiece> ProjectCut(const WorldSolid& solid, const Vector3d& point, const Vector3d& normal,
+                                     const View& view, const Occluders& occluders) {
   Drawer drawer{view, occluders, {}};
   for (const auto& face : solid.faces)
     for (const auto& t : face.triangles) {
@@ -137,13 +147,15 @@ std::vector<ContourPiece> ProjectCut(const WorldSolid& solid, const Vector3d& po
       }
       if (ends.size() != 2) continue;
       std::vector<Vector3d> points;
-      for (int k = 0; k <= kSamplesACut; ++k) points.push_back(ends[0] + (ends[1] - ends[0]) * (double(k) / kSamplesACut));
+      for (int k = 0; k <= kSamplesACut; ++k)
+        points.push_back(ends[0] + (ends[1] - ends[0]) * (double(k) / kSamplesACut));
       drawer.Trace(ContourSample::Source::kEdge, 0, points);
     }
   return std::move(drawer.pieces);
 }
 
-ObjectDrawing DrawObject(const ObjectModel& model, std::span<const double> dimensions, int resting_pose, double size_px) {
+ObjectDrawing DrawObject(const ObjectModel& model, std::span<const double> dimensions, int resting_pose,
+                         double size_px) {
   PlacedObject object;
   object.model = &model;
   object.resting_pose = resting_pose;
@@ -153,7 +165,8 @@ ObjectDrawing DrawObject(const ObjectModel& model, std::span<const double> dimen
   for (const auto& v : solid.vertices) box.extend(v.point);
   for (const auto& c : solid.circles)
     for (int k = 0; k < 8; ++k)
-      box.extend(Vector3d(c.center.point + c.radius_mm * (c.axis_u * std::cos(k * kPi / 4) + c.axis_v * std::sin(k * kPi / 4))));
+      box.extend(Vector3d(c.center.point + c.radius_mm * (c.axis_u * std::cos(k * kPi / 4) +
+                                                          c.axis_v * std::sin(k * kPi / 4))));
   const double reach = std::max(box.sizes().norm(), 1.0);
   const double distance = 6 * reach;
   const Vector3d eye = box.center() + distance * Vector3d(-0.52, -0.66, 0.54).normalized();
@@ -169,7 +182,8 @@ ObjectDrawing DrawObject(const ObjectModel& model, std::span<const double> dimen
   Occluders self;
   self.Add(solid, 0);
   ObjectDrawing drawing{ProjectContour(solid, view, self), {}};
-  for (const auto& v : solid.vertices) drawing.vertices.push_back(view.ProjectIdeal(v.point).value_or(Vector2d::Zero()));
+  for (const auto& v : solid.vertices)
+    drawing.vertices.push_back(view.ProjectIdeal(v.point).value_or(Vector2d::Zero()));
   return drawing;
 }
 
@@ -178,9 +192,15 @@ Json PiecesToJson(const std::vector<ContourPiece>& pieces) {
   Json list = Json::array();
   for (const auto& p : pieces) {
     Json points = Json::array();
-    for (const auto& q : p.points) { points.push_back(round(q.x())); points.push_back(round(q.y())); }
-    const char* source = p.source == ContourSample::Source::kEdge ? "edge" : p.source == ContourSample::Source::kCircle ? "circle" : "limb";
-    list.push_back({{"source", source}, {"index", p.index}, {"hidden", p.hidden}, {"points", std::move(points)}});
+    for (const auto& q : p.points) {
+      points.push_back(round(q.x()));
+      points.push_back(round(q.y()));
+    }
+    const char* source = p.source == ContourSample::Source::kEdge     ? "edge"
+                         : p.source == ContourSample::Source::kCircle ? "circle"
+                                                                      : "limb";
+    list.push_back(
+        {{"source", source}, {"index", p.index}, {"hidden", p.hidden}, {"points", std::move(points)}});
   }
   return list;
 }

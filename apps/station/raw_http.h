@@ -8,8 +8,8 @@
 
 namespace vss::station {
 
-// Sends bytes as they are and reads until the server closes or an answer's head and body are there; the status, or 0
-// where the server closed without an answer.
+// Sends bytes as they are and reads until the server closes or an answer's head and body are there; the
+// status, or 0 where the server closed without an answer.
 inline int StatusOf(std::uint16_t port, const std::string& bytes, std::string* answer = nullptr) {
   namespace asio = boost::asio;
   using tcp = asio::ip::tcp;
@@ -29,8 +29,11 @@ inline int StatusOf(std::uint16_t port, const std::string& bytes, std::string* a
 inline std::string Get(const std::string& target, const std::string& headers = "Host: localhost\r\n") {
   return "GET " + target + " HTTP/1.1\r\n" + headers + "Connection: close\r\n\r\n";
 }
-inline std::string Post(const std::string& target, const std::string& body, const std::string& headers = "Host: localhost\r\nContent-Type: application/json\r\n") {
-  return "POST " + target + " HTTP/1.1\r\n" + headers + fmt::format("Content-Length: {}\r\nConnection: close\r\n\r\n", body.size()) + body;
+inline std::string Post(
+    const std::string& target, const std::string& body,
+    const std::string& headers = "Host: localhost\r\nContent-Type: application/json\r\n") {
+  return "POST " + target + " HTTP/1.1\r\n" + headers +
+         fmt::format("Content-Length: {}\r\nConnection: close\r\n\r\n", body.size()) + body;
 }
 
 }  // namespace vss::station

@@ -7,7 +7,9 @@
 #include <fstream>
 
 #include "calibration.h"
+#include "checks_json.h"
 #include "commands.h"
+#include "live_fit.h"
 #include "split_part.h"
 #include "station_manual.h"
 #include "station_page.h"
@@ -18,30 +20,33 @@
 #include "vss/image/thumbnail.h"
 
 namespace vss::station {
-namespace {
 
-constexpr int kThumbnailPx = 280, kThumbnailQuality = 82;
-constexpr double kBentPx = 0.15;  // a line that the lens bends by more is drawn as a polyline
-constexpr int kMaxHistoryRows = 500;
-constexpr std::size_t kMaxPictureBytes = 256 << 20;
-constexpr std::size_t kPngBitDepthAt = 24;  // in the header chunk, which comes first
-
-std::optional<std::int64_t> Number(std::string_view text) {
+std::optional<std::int64_t> NumberIn(std::string_view text) {
   std::int64_t value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc() || end != text.data() + text.size() || text.empty()) return std::nullopt;
   return value;
 }
+namespace {
+
+constexpr int kThumbnailPx = 280, kThumbnailQuality = 82;
+constexpr int kMaxHistoryRows = 500;
+constexpr std::size_t kMaxPictureBytes = 256 << 20;
+constexpr std::size_t kPngBitDepthAt = 24;  // in the header chunk, which comes first
 
 std::int64_t QueryNumber(const Request& request, const std::string& name, std::int64_t otherwise) {
   const auto at = request.query.find(name);
-  return at == request.query.end() ? otherwise : Number(at->second).value_or(otherwise);
+  return at == request.query.end() ? otherwise : NumberIn(at->second).value_or(otherwise);
 }
 
-Response NotFound(const std::string& what) { return {404, "application/json", Json{{"error", what}}.dump(), {}}; }
+Response NotFound(const std::string& what) {
+  return {404, "application/json", Json{{"error", what}}.dump(), {}};
+}
 
 std::string TypeOf(std::string_view name) {
-  auto ends = [&](std::string_view e) { return name.size() >= e.size() && name.substr(name.size() - e.size()) == e; };
+  auto ends = [&](std::string_view e) {
+    return name.size() >= e.size() && name.substr(name.size() - e.size()) == e;
+  };
   if (ends(".html")) return "text/html; charset=utf-8";
   if (ends(".js")) return "text/javascript; charset=utf-8";
   if (ends(".css")) return "text/css; charset=utf-8";
@@ -52,86 +57,57 @@ std::string TypeOf(std::string_view name) {
 
 // What the browser keeps as a file.
 Response File(std::string type, const std::string& name, std::string text) {
-  return {200, std::move(type), std::move(text), {{"Content-Disposition", fmt::format("attachment; filename=\"{}\"", name)}}};
+  return {200,
+          std::move(type),
+          std::move(text),
+          {{"Content-Disposition", fmt::format("attachment; filename=\"{}\"", name)}}};
 }
 
 Json ParametersJson(const std::vector<ParameterInfo>& parameters) {
   Json list = Json::array();
   for (const auto& p : parameters)
-    list.push_back({{"name", p.name}, {"type", p.type}, {"unit", p.unit}, {"help", p.help}, {"min", p.min}, {"max", p.max}, {"default", p.default_value}, {"value", p.value}});
+    list.push_back({{"name", p.name},
+                    {"type", p.type},
+                    {"unit", p.unit},
+                    {"help", p.help},
+                    {"min", p.min},
+                    {"max", p.max},
+                    {"default", p.default_value},
+                    {"value", p.value}});
   return list;
 }
 
-double Round(double v, double unit) { return std::round(v / unit) * unit; }
-double Round2(double v) { return Round(v, 0.01); }
-
-// [number, u0, v0, u1, v1, contrast, sigma_px, (points between where the lens bends the line)]
-Json LineRow(int number, const LineSegment& s, const Intrinsics& lens) {
-  Json row = {number, Round2(s.start.x()), Round2(s.start.y()), Round2(s.end.x()), Round2(s.end.y()), Round(s.contrast, 0.1), Round(s.sigma_offset_px, 0.001)};
-  auto at = [&](double t) {
-    const Eigen::Vector2d ideal = (1 - t) * s.ideal_start + t * s.ideal_end;
-    return lens.ImgFromNormalized(lens.NormalizedFromIdeal(ideal)).value_or(ideal);
-  };
-  if ((at(0.5) - (s.start + s.end) / 2).norm() > kBentPx)
-    for (double t : {0.2, 0.4, 0.6, 0.8}) {
-      row.push_back(Round2(at(t).x()));
-      row.push_back(Round2(at(t).y()));
-    }
-  return row;
-}
-
-Json ArcRow(int number, const EllipticalArc& a) {
-  return {number, Round2(a.center.x()), Round2(a.center.y()), Round2(a.axes.x()), Round2(a.axes.y()), Round(a.angle_rad, 1e-4),
-          Round(a.from_rad, 1e-4), Round(a.to_rad, 1e-4), Round(a.contrast, 0.1)};
-}
-
-Json UndoJson(std::int64_t edit, const std::string& label) { return edit == 0 ? Json() : Json{{"edit", edit}, {"label", label}}; }
-
-// Distance between two vertices of parts and its sigma; the parts' errors are independent of each other.
-struct VertexAt {
-  Eigen::Vector3d point;
-  Eigen::MatrixXd by_part;  // 3 x (6 + dimensions)
-  Eigen::MatrixXd covariance;
-  std::string part;
-};
-
-Result<VertexAt> FindVertex(const Workspace& workspace, const std::string& text) {
-  const std::size_t colon = text.rfind(':');
-  const auto index = colon == text.npos ? std::nullopt : Number(std::string_view(text).substr(colon + 1));
-  if (!index || *index < 0) return UsageError("a vertex is named PART:NUMBER, not \"{}\"", text);
-  VSS_ASSIGN(const auto found, workspace.FindPart(text.substr(0, colon)));
-  const Part& part = found.first.part;
-  if (std::size_t(*index) >= part.vertices.size()) return UsageError("{} has {} vertices", part.id, part.vertices.size());
-  VertexAt v{part.vertices[std::size_t(*index)], {}, part.covariance, part.id};
-  const PlacedObject object = PlacedObjectOf(part, workspace.knowledge());
-  const Eigen::Index n = part.covariance.rows();
-  v.by_part = Eigen::MatrixXd::Zero(3, n);
-  if (n == 0) return v;
-  v.by_part.leftCols(3).setIdentity();
-  v.by_part.middleCols(3, 3) = -CrossMatrix(v.point - part.world_from_part.translation);
-  if (object.model && n == 6 + Eigen::Index(object.dimensions_mm.size())) {
-    const Solid solid = object.model->InstantiateUnchecked(object.dimensions_mm);
-    if (std::size_t(*index) < solid.vertices.size()) v.by_part.rightCols(n - 6) = part.world_from_part.rotation * solid.vertices[std::size_t(*index)].by_dimension;
-  }
-  return v;
+Json UndoJson(std::int64_t edit, const std::string& label) {
+  return edit == 0 ? Json() : Json{{"edit", edit}, {"label", label}};
 }
 
 }  // namespace
 
 Response AnswerOf(const Error& error) {
   const int status = error.code == ErrorCode::kUsage ? 400 : error.code == ErrorCode::kInternal ? 500 : 422;
-  return {status, "application/json", Json{{"error", error.message}}.dump(-1, ' ', false, Json::error_handler_t::replace), {}};
+  return {status,
+          "application/json",
+          Json{{"error", error.message}}.dump(-1, ' ', false, Json::error_handler_t::replace),
+          {}};
 }
 
 Response AnswerOf(const StoreError& error) {
   Json body = {{"error", error.message}};
-  if (error.present) body["present"] = {{"kind", error.present->kind}, {"id", error.present->id}, {"version", error.present->version}};
-  return {error.why == StoreError::kFailed ? 500 : 409, "application/json", body.dump(-1, ' ', false, Json::error_handler_t::replace), {}};
+  if (error.present)
+    body["present"] = {
+        {"kind", error.present->kind}, {"id", error.present->id}, {"version", error.present->version}};
+  return {error.why == StoreError::kFailed ? 500 : 409,
+          "application/json",
+          body.dump(-1, ' ', false, Json::error_handler_t::replace),
+          {}};
 }
 
-Response AnswerOf(const Json& json) { return {200, "application/json", json.dump(-1, ' ', false, Json::error_handler_t::replace), {}}; }
+Response AnswerOf(const Json& json) {
+  return {200, "application/json", json.dump(-1, ' ', false, Json::error_handler_t::replace), {}};
+}
 
-Routes::Routes(Workspace& workspace, std::function<void(const Json&)> tell) : workspace_(workspace), tell_(std::move(tell)) {}
+Routes::Routes(Workspace& workspace, std::function<void(const Json&)> tell)
+    : workspace_(workspace), tell_(std::move(tell)) {}
 
 Response Routes::Answer(const Request& request) {
   try {
@@ -148,7 +124,8 @@ Response AnswerOf(Result<Json> result) {
 }
 }  // namespace
 
-// What a route is asked: the body of a POST; the number in the place of '#' and the name in the place of '*' of its path.
+// What a route is asked: the body of a POST; the number in the place of '#' and the name in the place of '*'
+// of its path.
 struct Routes::Asked {
   const Request& request;
   const Json& body;
@@ -162,21 +139,27 @@ struct Routes::Route {
 };
 
 const std::vector<Routes::Route> Routes::kPostRoutes = {
-    {"command", [](Routes& r, const Asked& a) { return RunCommand(r.workspace_, a.request, a.body, r.tell_); }},
+    {"command",
+     [](Routes& r, const Asked& a) { return RunCommand(r.workspace_, a.request, a.body, r.tell_); }},
     {"fit", [](Routes& r, const Asked& a) { return AnswerOf(LiveFit(r.workspace_, a.body)); }},
     {"cut", [](Routes& r, const Asked& a) { return AnswerOf(CutPreview(r.workspace_, a.body)); }},
     {"drawing", [](Routes& r, const Asked& a) { return AnswerOf(r.Drawing(a.body)); }},
 };
 const std::vector<Routes::Route> Routes::kGetRoutes = {
     {"survey", [](Routes& r, const Asked&) { return station::AnswerOf(r.SurveyInfo()); }},
-    {"state", [](Routes& r, const Asked& a) { return station::AnswerOf(r.State(QueryNumber(a.request, "since", 0))); }},
+    {"state", [](Routes& r,
+                 const Asked& a) { return station::AnswerOf(r.State(QueryNumber(a.request, "since", 0))); }},
     {"knowledge", [](Routes& r, const Asked&) { return station::AnswerOf(r.Knowledge()); }},
     {"scene", [](Routes& r, const Asked&) { return AnswerOf(r.Scene()); }},
     {"measure", [](Routes& r, const Asked& a) { return AnswerOf(r.Measure(a.request)); }},
     {"history", [](Routes& r, const Asked& a) { return station::AnswerOf(r.History(a.request)); }},
     {"manual", [](Routes& r, const Asked&) { return station::AnswerOf(r.Manual()); }},
     {"manual/*", [](Routes& r, const Asked& a) { return r.ManualPicture(a.name); }},
-    {"product.json", [](Routes& r, const Asked&) { return File("application/json", "product.json", ProductToJson(r.workspace_.ProductNow(), r.workspace_.image_files())); }},
+    {"product.json",
+     [](Routes& r, const Asked&) {
+       return File("application/json", "product.json",
+                   ProductToJson(r.workspace_.ProductNow(), r.workspace_.image_files()));
+     }},
     {"report.html", [](Routes& r, const Asked&) { return r.ReportPage(); }},
     {"export/*", [](Routes& r, const Asked& a) { return r.Exported(a.name); }},
     {"calibration", [](Routes& r, const Asked&) { return station::AnswerOf(r.CalibrationJobs()); }},
@@ -185,32 +168,41 @@ const std::vector<Routes::Route> Routes::kGetRoutes = {
     {"pictures/#/thumb", [](Routes& r, const Asked& a) { return r.Thumbnail(a.image); }},
     {"pictures/#/lines", [](Routes& r, const Asked& a) { return AnswerOf(r.LinesOf(a.image)); }},
     {"pictures/#/projection", [](Routes& r, const Asked& a) { return AnswerOf(r.ProjectionOf(a.image)); }},
+    {"pictures/#/before",
+     [](Routes& r, const Asked& a) {
+       return AnswerOf(r.BeforeOf(a.image, QueryNumber(a.request, "edit", 0)));
+     }},
     {"pictures/#/overlay.svg", [](Routes& r, const Asked& a) { return r.Overlay(a.image); }},
 };
 
-// What `name` gives for '#' and '*' of `path`; empty where it does not match. A number that no picture has is -1.
-std::optional<Routes::Asked> Routes::Matched(std::string_view path, std::string_view name, const Asked& nothing) {
+// What `name` gives for '#' and '*' of `path`; empty where it does not match. A number that no picture has is
+// -1.
+std::optional<Routes::Asked> Routes::Matched(std::string_view path, std::string_view name,
+                                             const Asked& nothing) {
   const std::size_t mark = std::min(path.find_first_of("#*"), path.size());
   if (name.substr(0, mark) != path.substr(0, mark)) return std::nullopt;
   if (mark == path.size()) return name.size() == mark ? std::optional(nothing) : std::nullopt;
   const std::string_view rest = name.substr(mark), tail = path.substr(mark + 1);
   if (path[mark] == '*') return Asked{nothing.request, nothing.body, 0, std::string(rest)};
   if (rest.size() < tail.size() || rest.substr(rest.size() - tail.size()) != tail) return std::nullopt;
-  const auto number = Number(rest.substr(0, rest.size() - tail.size()));
-  return Asked{nothing.request, nothing.body, number && *number >= 0 && *number <= INT_MAX ? int(*number) : -1, ""};
+  const auto number = NumberIn(rest.substr(0, rest.size() - tail.size()));
+  return Asked{nothing.request, nothing.body,
+               number && *number >= 0 && *number <= INT_MAX ? int(*number) : -1, ""};
 }
 
 Response Routes::Dispatch(const Request& request) {
   const std::string& path = request.path;
   if (path.rfind("/api/", 0) != 0) {
-    if (request.method != "GET") return {405, "application/json", "{\"error\":\"the page is only read\"}", {{"Allow", "GET, HEAD"}}};
+    if (request.method != "GET")
+      return {405, "application/json", "{\"error\":\"the page is only read\"}", {{"Allow", "GET, HEAD"}}};
     return Page(request);
   }
   const std::string name = path.substr(5);
   const Asked nothing{request, Json(), 0, ""};
   if (request.method == "POST") {
     const Json body = Json::parse(request.body, nullptr, false);
-    if (!body.is_object()) return station::AnswerOf(Error{ErrorCode::kUsage, "what was posted is not a JSON object"});
+    if (!body.is_object())
+      return station::AnswerOf(Error{ErrorCode::kUsage, "what was posted is not a JSON object"});
     for (const auto& route : kPostRoutes)
       if (name == route.path) return route.answer(*this, {request, body, 0, ""});
     return NotFound("there is no such command");
@@ -218,7 +210,8 @@ Response Routes::Dispatch(const Request& request) {
   for (const auto& route : kGetRoutes) {
     const auto asked = Matched(route.path, name, nothing);
     if (!asked) continue;
-    if (asked->image < 0 || std::size_t(asked->image) >= workspace_.survey().images.size()) return NotFound("there is no such picture");
+    if (asked->image < 0 || std::size_t(asked->image) >= workspace_.survey().images.size())
+      return NotFound("there is no such picture");
     return route.answer(*this, *asked);
   }
   return NotFound("there is nothing of that name");
@@ -233,13 +226,15 @@ std::vector<std::pair<std::string, std::string>> Routes::Table() {
 
 Response Routes::ReportPage() {
   auto report = workspace_.Report();
-  return report ? File("text/html; charset=utf-8", "report.html", std::move(report->html)) : station::AnswerOf(report.error());
+  return report ? File("text/html; charset=utf-8", "report.html", std::move(report->html))
+                : station::AnswerOf(report.error());
 }
 
 Response Routes::Overlay(int image) {
   auto report = workspace_.Report();
   if (!report) return station::AnswerOf(report.error());
-  return File("image/svg+xml", OutputNames(workspace_.image_files())[std::size_t(image)] + ".svg", std::move(report->overlays[std::size_t(image)]));
+  return File("image/svg+xml", OutputNames(workspace_.image_files())[std::size_t(image)] + ".svg",
+              std::move(report->overlays[std::size_t(image)]));
 }
 
 Response Routes::Page(const Request& request) const {
@@ -251,7 +246,11 @@ Response Routes::Page(const Request& request) const {
     return {200, TypeOf(name), std::string(file.text), {{"ETag", tag}, {"Cache-Control", "no-cache"}}};
   }
   if (name == "index.html")
-    return {503, "text/plain; charset=utf-8", "This vss was built without its page: npm was not found. Install npm (Debian: apt install npm) and build again.\n", {}};
+    return {503,
+            "text/plain; charset=utf-8",
+            "This vss was built without its page: npm was not found. Install npm (Debian: apt install npm) "
+            "and build again.\n",
+            {}};
   return NotFound("there is no such page");
 }
 
@@ -260,7 +259,8 @@ Response Routes::PictureBytes(int image) const {
   const std::vector<std::pair<std::string, std::string>> keep = {{"Cache-Control", "private, max-age=3600"}};
   // What every browser shows goes out as it is; 16 bit, TIFF and PGM do not.
   if (auto bytes = ReadTextFile(path, kMaxPictureBytes); bytes && bytes->size() > kPngBitDepthAt) {
-    if (bytes->compare(0, 4, "\x89PNG") == 0 && (*bytes)[kPngBitDepthAt] == 8) return {200, "image/png", std::move(*bytes), keep};
+    if (bytes->compare(0, 4, "\x89PNG") == 0 && (*bytes)[kPngBitDepthAt] == 8)
+      return {200, "image/png", std::move(*bytes), keep};
     if (bytes->compare(0, 2, "\xff\xd8") == 0) return {200, "image/jpeg", std::move(*bytes), keep};
   }
   const auto picture = ReadImage(path);
@@ -273,7 +273,8 @@ Response Routes::Thumbnail(int image) {
   const std::vector<std::pair<std::string, std::string>> keep = {{"Cache-Control", "private, max-age=3600"}};
   {
     std::lock_guard lock(mutex_);
-    if (const auto at = thumbnails_.find(image); at != thumbnails_.end()) return {200, "image/jpeg", at->second, keep};
+    if (const auto at = thumbnails_.find(image); at != thumbnails_.end())
+      return {200, "image/jpeg", at->second, keep};
   }
   const auto picture = ReadImage(workspace_.survey().images[std::size_t(image)].path);
   if (!picture) return station::AnswerOf(picture.error());
@@ -289,15 +290,24 @@ Json Routes::SurveyInfo() const {
   Json images = Json::array(), cameras = Json::array();
   for (const auto& image : s.images) {
     const Eigen::Vector3d center = image.cam_from_world.Inverse().translation;
-    Json one = {{"file", image.file}, {"camera", image.camera}, {"center", JsonOf(center)}, {"rotation", JsonOf(image.cam_from_world.rotation)}};
+    Json one = {{"file", image.file},
+                {"camera", image.camera},
+                {"center", JsonOf(center)},
+                {"rotation", JsonOf(image.cam_from_world.rotation)}};
     if (image.gantry_mm) one["gantry"] = JsonOf(*image.gantry_mm);
     images.push_back(std::move(one));
   }
   for (const auto& c : s.cameras)
-    cameras.push_back({{"id", c.id}, {"width", c.width_px}, {"height", c.height_px}, {"fx", c.intrinsics.fx_px}, {"fy", c.intrinsics.fy_px},
-                       {"cx", c.intrinsics.cx_px}, {"cy", c.intrinsics.cy_px},
+    cameras.push_back({{"id", c.id},
+                       {"width", c.width_px},
+                       {"height", c.height_px},
+                       {"fx", c.intrinsics.fx_px},
+                       {"fy", c.intrinsics.fy_px},
+                       {"cx", c.intrinsics.cx_px},
+                       {"cy", c.intrinsics.cy_px},
                        {"residual_px", c.quality ? Json(c.quality->residual_px) : Json()}});
-  return {{"name", s.name}, {"images", images}, {"cameras", cameras}, {"warnings", s.warnings}, {"step", CanWriteStep()}, {"version", VSS_VERSION}};
+  return {{"name", s.name},         {"images", images},       {"cameras", cameras},
+          {"warnings", s.warnings}, {"step", CanWriteStep()}, {"version", VSS_VERSION}};
 }
 
 Json Routes::State(std::int64_t since) const {
@@ -307,101 +317,34 @@ Json Routes::State(std::int64_t since) const {
     if (since == 0 && !item.value) continue;
     Json value = item.value ? *item.value : Json();
     if (item.kind == "calibration" && item.value) value = WithoutFiles(std::move(value));
-    items.push_back({{"kind", item.kind}, {"id", item.id}, {"value", std::move(value)}, {"version", item.version}});
+    if (value.is_object() && (item.kind == "part" || item.kind == "settings")) RemoveChecks(value);
+    items.push_back(
+        {{"kind", item.kind}, {"id", item.id}, {"value", std::move(value)}, {"version", item.version}});
   }
   Json parameters = Json::array();
   if (const auto options = workspace_.Options()) parameters = ParametersJson(SurveyParameters(*options));
-  return {{"revision", undo.revision}, {"since", since}, {"items", items}, {"undo", UndoJson(undo.undo_edit, undo.undo_label)},
-          {"redo", UndoJson(undo.redo_edit, undo.redo_label)}, {"run", workspace_.RunState()}, {"stale", workspace_.RunIsOfOtherCameras()}, {"parameters", parameters}};
-}
-
-Result<Json> Routes::LinesOf(int image) {
-  VSS_ASSIGN(const auto lines, workspace_.Lines(image));
-  const Intrinsics& lens = workspace_.survey().cameras[std::size_t(workspace_.survey().images[std::size_t(image)].camera)].intrinsics;
-  Json segments = Json::array(), removed = Json::array(), arcs = Json::array();
-  for (std::size_t i = 0; i < lines->found.segments.size(); ++i)
-    (lines->removed[i] ? removed : segments).push_back(LineRow(int(i), lines->found.segments[i], lens));
-  for (const auto& [number, segment] : lines->drawn) segments.push_back(LineRow(number, segment, lens));
-  for (std::size_t i = 0; i < lines->found.arcs.size(); ++i) arcs.push_back(ArcRow(int(i), lines->found.arcs[i]));
-  for (const auto& [number, arc] : lines->drawn_arcs) arcs.push_back(ArcRow(number, arc));
-  return Json{{"segments", segments}, {"removed", removed}, {"arcs", arcs}, {"version", lines->version}, {"noise", Round2(lines->found.noise_sigma)}};
-}
-
-Result<Json> Routes::ProjectionOf(int image) {
-  const std::vector<View> views = workspace_.Views();
-  const View& view = views[std::size_t(image)];
-  std::vector<std::pair<std::string, WorldSolid>> solids;
-  Occluders occluders;
-  int owner = 0;
-  for (const auto& p : workspace_.Parts()) {
-    const PlacedObject object = PlacedObjectOf(p.part, workspace_.knowledge());
-    if (!object.model) continue;
-    solids.emplace_back(p.part.id, PlaceSolid(object, false));
-    occluders.Add(solids.back().second, owner++);
-  }
-  Json parts = Json::object();
-  for (const auto& [id, solid] : solids) {
-    const auto pieces = ProjectContour(solid, view, occluders);
-    if (pieces.empty()) continue;
-    Json vertices = Json::array();
-    for (const auto& v : solid.vertices) {
-      const auto img = view.ProjectInside(v.point);
-      const bool seen = img && occluders.Free(view.center_in_world, v.point, 1.0);
-      vertices.push_back(img ? Json{Round2(img->x()), Round2(img->y()), seen ? 1 : 0} : Json());
-    }
-    parts[id] = {{"pieces", PiecesToJson(pieces)}, {"vertices", vertices}};
-  }
-  return Json{{"parts", parts}};
-}
-
-Result<Json> Routes::Scene() {
-  Json parts = Json::array();
-  for (const auto& p : workspace_.Parts()) {
-    const PlacedObject object = PlacedObjectOf(p.part, workspace_.knowledge());
-    Json triangles = Json::array(), edges = Json::array(), vertices = Json::array(), circles = Json::array();
-    if (object.model) {
-      const WorldSolid solid = PlaceSolid(object, false);
-      for (const auto& f : solid.faces)
-        for (const auto& t : f.triangles)
-          for (const auto& v : t) for (int k = 0; k < 3; ++k) triangles.push_back(Round2(v[k]));
-    }
-    for (const auto& v : p.part.vertices) vertices.push_back(JsonOf(v));
-    for (const auto& e : p.part.edges) edges.push_back(e);
-    for (const auto& c : p.part.circles) circles.push_back({{"center", JsonOf(c.center)}, {"normal", JsonOf(c.normal)}, {"radius", c.radius_mm}});
-    parts.push_back({{"id", p.part.id}, {"triangles", triangles}, {"vertices", vertices}, {"edges", edges}, {"circles", circles}});
-  }
-  Json seams = Json::array();
-  for (const auto& s : workspace_.ProductNow().seams) seams.push_back({{"parts", {s.part_a, s.part_b}}, {"start", JsonOf(s.start)}, {"end", JsonOf(s.end)}});
-  return Json{{"parts", parts}, {"seams", seams}};
-}
-
-Json Routes::Knowledge() const {
-  Json list = Json::array();
-  for (const auto& o : workspace_.knowledge().objects) {
-    if (workspace_.knowledge().Find(o->kind()) != o.get()) continue;  // another variant of one that is listed
-    Json dimensions = Json::array(), poses = Json::array();
-    const std::vector<std::optional<double>> nothing(o->dimensions().size());
-    const auto usual = o->UsualDimensions(nothing);
-    for (std::size_t i = 0; i < usual.size(); ++i) {
-      const auto& d = o->dimensions()[i];
-      dimensions.push_back({{"name", d.name}, {"min", d.min_mm}, {"max", d.max_mm}, {"usual", usual[i]}, {"help", d.help}});
-    }
-    for (const auto& p : o->resting_poses()) poses.push_back(p.name);
-    Json variants = Json::array();  // the features of each
-    for (const auto& v : workspace_.knowledge().objects)
-      if (v->kind() == o->kind()) variants.push_back(FeaturesOf(*v));
-    list.push_back({{"kind", o->kind()}, {"title", o->title()}, {"dimensions", dimensions}, {"resting_poses", poses}, {"variants", variants}});
-  }
-  return {{"objects", list}};
+  return {{"revision", undo.revision},
+          {"since", since},
+          {"items", items},
+          {"undo", UndoJson(undo.undo_edit, undo.undo_label)},
+          {"redo", UndoJson(undo.redo_edit, undo.redo_label)},
+          {"run", workspace_.RunState()},
+          {"stale", workspace_.RunIsOfOtherCameras()},
+          {"parameters", parameters}};
 }
 
 // workpiece.step, workpiece.glb, parts.csv, seams.csv: as `vss export` writes them.
 Response Routes::Exported(const std::string& name) const {
-  static const std::map<std::string, std::pair<std::string, std::string>> kFiles = {  // name: format, type
-      {"workpiece.step", {"step", "model/step"}}, {"workpiece.glb", {"glb", "model/gltf-binary"}}, {"parts.csv", {"csv", "text/csv; charset=utf-8"}}, {"seams.csv", {"csv", "text/csv; charset=utf-8"}}};
+  static const std::map<std::string, std::pair<std::string, std::string>> kFiles = {
+      // name: format, type
+      {"workpiece.step", {"step", "model/step"}},
+      {"workpiece.glb", {"glb", "model/gltf-binary"}},
+      {"parts.csv", {"csv", "text/csv; charset=utf-8"}},
+      {"seams.csv", {"csv", "text/csv; charset=utf-8"}}};
   const auto file = kFiles.find(name);
   if (file == kFiles.end()) return NotFound("there is no such export");
-  auto files = ExportProduct(workspace_.ProductNow(), workspace_.knowledge(), std::vector<std::string>{file->second.first});
+  auto files = ExportProduct(workspace_.ProductNow(), workspace_.knowledge(),
+                             std::vector<std::string>{file->second.first});
   if (!files) return station::AnswerOf(files.error());
   for (auto& one : *files)
     if (one.name == name) return File(file->second.second, name, std::move(one.content));
@@ -421,57 +364,34 @@ Response Routes::Calibrated(const std::string& name) const {
   const auto item = workspace_.store().Get("calibration", "last");
   if (!item) return NotFound("nothing was calibrated yet");
   const Json& last = *item->value;
-  if (name == "report.html") return {200, "text/html; charset=utf-8", last.at("report").get<std::string>(), {}};
+  if (name == "report.html")
+    return {200, "text/html; charset=utf-8", last.at("report").get<std::string>(), {}};
   if (name == "calibration.json") return File("application/json", name, last.at("json").get<std::string>());
   const Json& files = last.at("files");
   for (const auto& [id, text] : files.items())
-    if (name == "cameras/" + id + ".toml") return File("application/toml", id + ".toml", text.get<std::string>());
+    if (name == "cameras/" + id + ".toml")
+      return File("application/toml", id + ".toml", text.get<std::string>());
   return NotFound("the calibration has no such file");
-}
-
-Result<Json> Routes::Drawing(const Json& body) const {
-  const std::string kind = body.value("kind", "");
-  const ObjectModel* model = body.contains("features") ? workspace_.knowledge().Find(kind, body.at("features").get<std::vector<std::string>>()) : workspace_.knowledge().Find(kind);
-  if (!model) return UsageError("the knowledge base has no kind \"{}\" with these features", kind.substr(0, 40));
-  std::vector<std::optional<double>> known;
-  const Json given = body.value("dimensions", Json::object());
-  for (const auto& d : model->dimensions()) {
-    const auto at = given.find(d.name);
-    known.push_back(at != given.end() && at->is_number() ? std::optional(std::clamp(at->get<double>(), d.min_mm, d.max_mm)) : std::nullopt);
-  }
-  const auto dimensions = model->UsualDimensions(known);
-  const int pose = std::clamp(body.value("resting_pose", 0), 0, int(model->resting_poses().size()) - 1);
-  const ObjectDrawing drawing = DrawObject(*model, dimensions, pose, 240);
-  return Json{{"pieces", PiecesToJson(drawing.pieces)}, {"size", 240}};
-}
-
-Result<Json> Routes::Measure(const Request& request) const {
-  auto text = [&](const char* name) {
-    const auto at = request.query.find(name);
-    return at == request.query.end() ? std::string() : at->second;
-  };
-  VSS_ASSIGN(const auto a, FindVertex(workspace_, text("a")));
-  VSS_ASSIGN(const auto b, FindVertex(workspace_, text("b")));
-  const Eigen::Vector3d d = b.point - a.point;
-  const double distance = d.norm();
-  Json out = {{"distance", distance}, {"delta", JsonOf(d)}, {"sigma", Json()}};
-  if (distance < 1e-9 || a.covariance.size() == 0 || b.covariance.size() == 0) return out;
-  const Eigen::RowVectorXd ja = -(d / distance).transpose() * a.by_part, jb = (d / distance).transpose() * b.by_part;
-  const double variance = a.part == b.part ? ((ja + jb) * a.covariance * (ja + jb).transpose())(0) : (ja * a.covariance * ja.transpose())(0) + (jb * b.covariance * jb.transpose())(0);
-  out["sigma"] = std::sqrt(std::max(0.0, variance));
-  return out;
 }
 
 Json Routes::History(const Request& request) const {
   Json rows = Json::array();
   const int limit = int(std::clamp<std::int64_t>(QueryNumber(request, "limit", 100), 1, kMaxHistoryRows));
   for (const auto& h : workspace_.store().History(QueryNumber(request, "before", 0), limit))
-    rows.push_back({{"revision", h.revision}, {"edit", h.edit}, {"action", h.action}, {"who", h.who}, {"when", h.when}, {"label", h.label}});
+    rows.push_back({{"revision", h.revision},
+                    {"edit", h.edit},
+                    {"action", h.action},
+                    {"who", h.who},
+                    {"when", h.when},
+                    {"label", h.label}});
   Json out = {{"rows", rows}};
   if (const std::int64_t edit = QueryNumber(request, "edit", 0); edit > 0) {
     Json differences = Json::array();
     for (const auto& d : workspace_.store().DifferencesOf(edit))
-      differences.push_back({{"kind", d.kind}, {"id", d.id}, {"before", d.before ? *d.before : Json()}, {"after", d.after ? *d.after : Json()}});
+      differences.push_back({{"kind", d.kind},
+                             {"id", d.id},
+                             {"before", d.before ? *d.before : Json()},
+                             {"after", d.after ? *d.after : Json()}});
     out["differences"] = differences;
   }
   return out;
@@ -479,7 +399,8 @@ Json Routes::History(const Request& request) const {
 
 Response Routes::ManualPicture(const std::string& name) const {
   for (const auto& file : station_manual())
-    if (file.name == name && TypeOf(name) == "image/jpeg") return {200, "image/jpeg", std::string(file.text), {{"Cache-Control", "private, max-age=3600"}}};
+    if (file.name == name && TypeOf(name) == "image/jpeg")
+      return {200, "image/jpeg", std::string(file.text), {{"Cache-Control", "private, max-age=3600"}}};
   return NotFound("the manual has no such picture");
 }
 

@@ -32,6 +32,7 @@ class Routes {
   Json State(std::int64_t since) const;
   Result<Json> LinesOf(int image);
   Result<Json> ProjectionOf(int image);
+  Result<Json> BeforeOf(int image, std::int64_t edit) const;
   Result<Json> Scene();
   Json Knowledge() const;
   Response Exported(const std::string& name) const;
@@ -53,5 +54,8 @@ class Routes {
 Response AnswerOf(const Error& error);
 Response AnswerOf(const StoreError& error);
 Response AnswerOf(const Json& json);
+
+// A whole number that is all of `text`.
+std::optional<std::int64_t> NumberIn(std::string_view text);
 
 }  // namespace vss::station

@@ -27,14 +27,19 @@ struct SqlFailure : std::runtime_error {
 class Statement {
  public:
   Statement(sqlite3* db, const char* sql) : db_(db) {
-    if (sqlite3_prepare_v2(db, sql, -1, &statement_, nullptr) != SQLITE_OK) throw SqlFailure(sqlite3_errmsg(db));
+    if (sqlite3_prepare_v2(db, sql, -1, &statement_, nullptr) != SQLITE_OK)
+      throw SqlFailure(sqlite3_errmsg(db));
   }
   ~Statement() { sqlite3_finalize(statement_); }
   Statement(const Statement&) = delete;
   Statement& operator=(const Statement&) = delete;
-  Statement& Bind(std::int64_t value) { Check(sqlite3_bind_int64(statement_, ++bound_, value)); return *this; }
+  Statement& Bind(std::int64_t value) {
+    Check(sqlite3_bind_int64(statement_, ++bound_, value));
+    return *this;
+  }
   Statement& Bind(const std::string& value) {
-    Check(sqlite3_bind_text(statement_, ++bound_, value.data(), static_cast<int>(value.size()), SQLITE_TRANSIENT));
+    Check(sqlite3_bind_text(statement_, ++bound_, value.data(), static_cast<int>(value.size()),
+                            SQLITE_TRANSIENT));
     return *this;
   }
   Statement& Bind(const std::optional<Json>& value) {
@@ -50,7 +55,9 @@ class Statement {
   std::int64_t Int(int column) const { return sqlite3_column_int64(statement_, column); }
   std::string Text(int column) const {
     const auto* text = sqlite3_column_text(statement_, column);
-    return text ? std::string(reinterpret_cast<const char*>(text), std::size_t(sqlite3_column_bytes(statement_, column))) : "";
+    return text ? std::string(reinterpret_cast<const char*>(text),
+                              std::size_t(sqlite3_column_bytes(statement_, column)))
+                : "";
   }
   std::optional<Json> Value(int column) const {
     if (sqlite3_column_type(statement_, column) == SQLITE_NULL) return std::nullopt;
@@ -58,7 +65,9 @@ class Statement {
   }
 
  private:
-  void Check(int code) { if (code != SQLITE_OK) throw SqlFailure(sqlite3_errmsg(db_)); }
+  void Check(int code) {
+    if (code != SQLITE_OK) throw SqlFailure(sqlite3_errmsg(db_));
+  }
   sqlite3* db_;
   sqlite3_stmt* statement_ = nullptr;
   int bound_ = 0;
@@ -72,8 +81,13 @@ void Execute(sqlite3* db, const char* sql) {
 class Transaction {
  public:
   explicit Transaction(sqlite3* db) : db_(db) { Execute(db, "BEGIN IMMEDIATE"); }
-  ~Transaction() { if (!done_) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr); }
-  void Commit() { Execute(db_, "COMMIT"); done_ = true; }
+  ~Transaction() {
+    if (!done_) sqlite3_exec(db_, "ROLLBACK", nullptr, nullptr, nullptr);
+  }
+  void Commit() {
+    Execute(db_, "COMMIT");
+    done_ = true;
+  }
 
  private:
   sqlite3* db_;
@@ -96,7 +110,8 @@ CREATE TABLE IF NOT EXISTS history(revision INTEGER PRIMARY KEY, edit INTEGER NO
 std::string Now() {
   const auto now = std::chrono::system_clock::now();
   const std::time_t t = std::chrono::system_clock::to_time_t(now);
-  const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(now.time_since_epoch()).count() % 1000;
+  const auto ms =
+      std::chrono::duration_cast<std::chrono::milliseconds>(now.time_since_epoch()).count() % 1000;
   std::tm utc{};
   gmtime_r(&t, &utc);
   char text[32];
@@ -109,13 +124,17 @@ bool IsNetworkFileSystem(const std::filesystem::path& folder) {
   struct statfs info {};
   if (::statfs(folder.c_str(), &info) != 0) return false;
   const auto type = static_cast<std::uint32_t>(info.f_type);
-  const std::uint32_t network[] = {0x6969 /* NFS */, 0x517b /* SMB */, 0xfe534d42 /* SMB2 */, 0xff534d42 /* CIFS */,
-                                   0x5346414f /* AFS */, 0x00c36400 /* Ceph */, 0x01021997 /* 9P */, 0x0bd00bd0 /* Lustre */};
+  const std::uint32_t network[] = {
+      0x6969 /* NFS */,     0x517b /* SMB */,      0xfe534d42 /* SMB2 */, 0xff534d42 /* CIFS */,
+      0x5346414f /* AFS */, 0x00c36400 /* Ceph */, 0x01021997 /* 9P */,   0x0bd00bd0 /* Lustre */};
   return std::find(std::begin(network), std::end(network), type) != std::end(network);
 }
 
 tl::unexpected<StoreError> Failed(const std::exception& e) {
-  return tl::unexpected<StoreError>({StoreError::kFailed, fmt::format("the survey's edits cannot be saved ({}); free some space and check the disk", e.what()), {}});
+  return tl::unexpected<StoreError>(
+      {StoreError::kFailed,
+       fmt::format("the survey's edits cannot be saved ({}); free some space and check the disk", e.what()),
+       {}});
 }
 
 }  // namespace
@@ -142,15 +161,26 @@ struct Store::Impl {
     return Item{kind, id, s.Value(0), s.Int(1)};
   }
 
-  void Put(const std::string& kind, const std::string& id, const std::optional<Json>& value, std::int64_t revision) {
-    Statement(db, "INSERT INTO item(kind, id, value, version) VALUES(?, ?, ?, ?) "
-                  "ON CONFLICT(kind, id) DO UPDATE SET value = excluded.value, version = excluded.version")
-        .Bind(kind).Bind(id).Bind(value).Bind(revision).Step();
+  void Put(const std::string& kind, const std::string& id, const std::optional<Json>& value,
+           std::int64_t revision) {
+    Statement(db,
+              "INSERT INTO item(kind, id, value, version) VALUES(?, ?, ?, ?) "
+              "ON CONFLICT(kind, id) DO UPDATE SET value = excluded.value, version = excluded.version")
+        .Bind(kind)
+        .Bind(id)
+        .Bind(value)
+        .Bind(revision)
+        .Step();
   }
 
   void Note(std::int64_t revision, std::int64_t edit, const std::string& action, const std::string& who) {
     Statement(db, "INSERT INTO history(revision, edit, action, who, at) VALUES(?, ?, ?, ?, ?)")
-        .Bind(revision).Bind(edit).Bind(action).Bind(who).Bind(Now()).Step();
+        .Bind(revision)
+        .Bind(edit)
+        .Bind(action)
+        .Bind(who)
+        .Bind(Now())
+        .Step();
   }
 
   std::vector<Difference> Differences(std::int64_t edit) const {
@@ -175,12 +205,21 @@ struct Store::Impl {
       Transaction transaction(db);
       const auto [edit, label] = Next(undo);
       if (edit == 0)
-        return tl::unexpected<StoreError>({StoreError::kNothingToDo, undo ? "there is nothing to undo" : "there is nothing to do again", {}});
+        return tl::unexpected<StoreError>({StoreError::kNothingToDo,
+                                           undo ? "there is nothing to undo" : "there is nothing to do again",
+                                           {}});
       if (seen && *seen != edit)
-        return tl::unexpected<StoreError>({StoreError::kConflict, fmt::format("somebody else was faster: the next to {} is now \"{}\"", undo ? "undo" : "do again", label), {}});
+        return tl::unexpected<StoreError>(
+            {StoreError::kConflict,
+             fmt::format("somebody else was faster: the next to {} is now \"{}\"", undo ? "undo" : "do again",
+                         label),
+             {}});
       const std::int64_t revision = Revision() + 1;
       for (const auto& d : Differences(edit)) Put(d.kind, d.id, undo ? d.before : d.after, revision);
-      Statement(db, "UPDATE edit SET state = ? WHERE edit = ?").Bind(std::string(undo ? "undone" : "done")).Bind(edit).Step();
+      Statement(db, "UPDATE edit SET state = ? WHERE edit = ?")
+          .Bind(std::string(undo ? "undone" : "done"))
+          .Bind(edit)
+          .Step();
       Note(revision, edit, undo ? "undo" : "redo", who);
       transaction.Commit();
       return revision;
@@ -195,33 +234,47 @@ Store::~Store() = default;
 
 Result<std::unique_ptr<Store>> Store::Open(const std::filesystem::path& folder) {
   if (IsNetworkFileSystem(folder))
-    return InputError("{}: this folder lies on a network file system, whose locks cannot be trusted; copy the survey to a local disk", folder.string());
+    return InputError(
+        "{}: this folder lies on a network file system, whose locks cannot be trusted; copy the survey to a "
+        "local disk",
+        folder.string());
   auto impl = std::make_unique<Impl>();
   const std::string lock = (folder / "station.lock").string();
   impl->lock = ::open(lock.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0644);
   if (impl->lock < 0)
-    return InputError("{}: the station keeps its edits in the survey's folder and cannot write there ({}); copy the survey to a folder of yours", folder.string(), std::strerror(errno));
+    return InputError(
+        "{}: the station keeps its edits in the survey's folder and cannot write there ({}); copy the survey "
+        "to a folder of yours",
+        folder.string(), std::strerror(errno));
   if (::flock(impl->lock, LOCK_EX | LOCK_NB) != 0)
-    return InputError("{}: another station has this survey open; use its page, or stop it first", folder.string());
+    return InputError("{}: another station has this survey open; use its page, or stop it first",
+                      folder.string());
   const std::string path = (folder / "station.sqlite").string();
   try {
-    if (sqlite3_open_v2(path.c_str(), &impl->db, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_FULLMUTEX, nullptr) != SQLITE_OK)
+    if (sqlite3_open_v2(path.c_str(), &impl->db,
+                        SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_FULLMUTEX,
+                        nullptr) != SQLITE_OK)
       throw SqlFailure(impl->db ? sqlite3_errmsg(impl->db) : "out of memory");
     sqlite3_busy_timeout(impl->db, 2000);
     Execute(impl->db, "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;");
     Statement version(impl->db, "PRAGMA user_version");
     version.Step();
     if (version.Int(0) > kSchemaVersion)
-      return InputError("{}: a newer VSS wrote this file (version {}, this program knows {}); use that one", path, version.Int(0), kSchemaVersion);
+      return InputError("{}: a newer VSS wrote this file (version {}, this program knows {}); use that one",
+                        path, version.Int(0), kSchemaVersion);
     Execute(impl->db, kSchema);
     Execute(impl->db, fmt::format("PRAGMA user_version = {}", kSchemaVersion).c_str());
   } catch (const std::exception& e) {
-    return InputError("{}: the station's file of edits cannot be opened ({}); move it aside to start afresh, or put back a copy", path, e.what());
+    return InputError(
+        "{}: the station's file of edits cannot be opened ({}); move it aside to start afresh, or put back a "
+        "copy",
+        path, e.what());
   }
   return std::unique_ptr<Store>(new Store(std::move(impl)));
 }
 
-StoreResult<std::int64_t> Store::Apply(const std::string& who, const std::string& label, const std::vector<Change>& changes) {
+StoreResult<std::int64_t> Store::Apply(const std::string& who, const std::string& label,
+                                       const std::vector<Change>& changes) {
   std::lock_guard guard(impl_->mutex);
   sqlite3* db = impl_->db;
   try {
@@ -231,12 +284,23 @@ StoreResult<std::int64_t> Store::Apply(const std::string& who, const std::string
     Statement(db, "INSERT INTO edit(label, state) VALUES(?, 'done')").Bind(label).Step();
     const std::int64_t edit = sqlite3_last_insert_rowid(db);
     for (const auto& change : changes) {
-      const Item now = impl_->Find(change.kind, change.id).value_or(Item{change.kind, change.id, std::nullopt, 0});
+      const Item now =
+          impl_->Find(change.kind, change.id).value_or(Item{change.kind, change.id, std::nullopt, 0});
       if (change.version && *change.version != now.version && (*change.version != 0 || now.value))
-        return tl::unexpected<StoreError>({StoreError::kConflict, fmt::format("somebody else changed {} {} in the meantime; look at it and try again", change.kind, change.id), now});
-      Statement(db, "INSERT INTO difference(edit, kind, id, before, after) VALUES(?, ?, ?, ?, ?) "
-                    "ON CONFLICT(edit, kind, id) DO UPDATE SET after = excluded.after")
-          .Bind(edit).Bind(change.kind).Bind(change.id).Bind(now.value).Bind(change.value).Step();
+        return tl::unexpected<StoreError>(
+            {StoreError::kConflict,
+             fmt::format("somebody else changed {} {} in the meantime; look at it and try again", change.kind,
+                         change.id),
+             now});
+      Statement(db,
+                "INSERT INTO difference(edit, kind, id, before, after) VALUES(?, ?, ?, ?, ?) "
+                "ON CONFLICT(edit, kind, id) DO UPDATE SET after = excluded.after")
+          .Bind(edit)
+          .Bind(change.kind)
+          .Bind(change.id)
+          .Bind(now.value)
+          .Bind(change.value)
+          .Step();
       impl_->Put(change.kind, change.id, change.value, revision);
     }
     impl_->Note(revision, edit, "edit", who);
@@ -247,8 +311,12 @@ StoreResult<std::int64_t> Store::Apply(const std::string& who, const std::string
   }
 }
 
-StoreResult<std::int64_t> Store::Undo(const std::string& who, std::optional<std::int64_t> seen) { return impl_->Travel(who, seen, true); }
-StoreResult<std::int64_t> Store::Redo(const std::string& who, std::optional<std::int64_t> seen) { return impl_->Travel(who, seen, false); }
+StoreResult<std::int64_t> Store::Undo(const std::string& who, std::optional<std::int64_t> seen) {
+  return impl_->Travel(who, seen, true);
+}
+StoreResult<std::int64_t> Store::Redo(const std::string& who, std::optional<std::int64_t> seen) {
+  return impl_->Travel(who, seen, false);
+}
 
 std::int64_t Store::Revision() const {
   std::lock_guard guard(impl_->mutex);
@@ -270,7 +338,8 @@ std::int64_t Store::Version(const std::string& kind, const std::string& id) cons
 std::vector<Item> Store::List(const std::string& kind) const {
   std::lock_guard guard(impl_->mutex);
   std::vector<Item> out;
-  Statement s(impl_->db, "SELECT id, value, version FROM item WHERE kind = ? AND value IS NOT NULL ORDER BY id");
+  Statement s(impl_->db,
+              "SELECT id, value, version FROM item WHERE kind = ? AND value IS NOT NULL ORDER BY id");
   s.Bind(kind);
   while (s.Step()) out.push_back({kind, s.Text(0), s.Value(1), s.Int(2)});
   return out;
@@ -297,8 +366,10 @@ UndoState Store::State() const {
 std::vector<HistoryRow> Store::History(std::int64_t before_revision, int limit) const {
   std::lock_guard guard(impl_->mutex);
   std::vector<HistoryRow> out;
-  Statement s(impl_->db, "SELECT h.revision, h.edit, h.action, h.who, h.at, e.label FROM history h JOIN edit e USING(edit) "
-                         "WHERE ?1 = 0 OR h.revision < ?1 ORDER BY h.revision DESC LIMIT ?2");
+  Statement s(
+      impl_->db,
+      "SELECT h.revision, h.edit, h.action, h.who, h.at, e.label FROM history h JOIN edit e USING(edit) "
+      "WHERE ?1 = 0 OR h.revision < ?1 ORDER BY h.revision DESC LIMIT ?2");
   s.Bind(before_revision).Bind(limit);
   while (s.Step()) out.push_back({s.Int(0), s.Int(1), s.Text(2), s.Text(3), s.Text(4), s.Text(5)});
   return out;

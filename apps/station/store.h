@@ -1,8 +1,9 @@
-// What the operator did to a survey, in one SQLite file in the survey's folder: the present state, every edit with who
-// and when, and undo and redo without limit. An edit that Apply has confirmed survives a power cut.
+// What the operator did to a survey, in one SQLite file in the survey's folder: the present state, every edit
+// with who and when, and undo and redo without limit. An edit that Apply has confirmed survives a power cut.
 //
-// The state is a set of items, each a JSON value with a kind and an id. `version` of an item is the revision at which it
-// changed last; a change names the version that its author saw, and is refused where somebody changed the item since.
+// The state is a set of items, each a JSON value with a kind and an id. `version` of an item is the revision
+// at which it changed last; a change names the version that its author saw, and is refused where somebody
+// changed the item since.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -59,16 +60,18 @@ struct UndoState {
 
 class Store {
  public:
-  // Opens or makes `folder`/station.sqlite. Refuses a network file system (its locks cannot be trusted), a folder that
-  // another station has open, and a file that is damaged or newer than this program.
+  // Opens or makes `folder`/station.sqlite. Refuses a network file system (its locks cannot be trusted), a
+  // folder that another station has open, and a file that is damaged or newer than this program.
   static Result<std::unique_ptr<Store>> Open(const std::filesystem::path& folder);
   ~Store();
   Store(const Store&) = delete;
   Store& operator=(const Store&) = delete;
 
   // All changes or none. Returns the new revision.
-  StoreResult<std::int64_t> Apply(const std::string& who, const std::string& label, const std::vector<Change>& changes);
-  // `seen_edit`: the edit that the author believes he undoes or does again; refused where it is another one by now.
+  StoreResult<std::int64_t> Apply(const std::string& who, const std::string& label,
+                                  const std::vector<Change>& changes);
+  // `seen_edit`: the edit that the author believes he undoes or does again; refused where it is another one
+  // by now.
   StoreResult<std::int64_t> Undo(const std::string& who, std::optional<std::int64_t> seen_edit);
   StoreResult<std::int64_t> Redo(const std::string& who, std::optional<std::int64_t> seen_edit);
 

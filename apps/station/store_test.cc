@@ -14,7 +14,9 @@ namespace {
 
 class StoreTest : public testing::Test {
  protected:
-  StoreTest() : folder_(fs::temp_directory_path() / fmt::format("vss-store-{}-{}", ::getpid(), testing::UnitTest::GetInstance()->random_seed())) {
+  StoreTest()
+      : folder_(fs::temp_directory_path() /
+                fmt::format("vss-store-{}-{}", ::getpid(), testing::UnitTest::GetInstance()->random_seed())) {
     fs::remove_all(folder_);
     fs::create_directories(folder_);
   }
@@ -23,7 +25,9 @@ class StoreTest : public testing::Test {
   fs::path folder_;
 };
 
-Change Set(const std::string& id, Json value, std::optional<std::int64_t> version = {}) { return {"part", id, std::move(value), version}; }
+Change Set(const std::string& id, Json value, std::optional<std::int64_t> version = {}) {
+  return {"part", id, std::move(value), version};
+}
 
 TEST_F(StoreTest, KeepsWhatWasAppliedAfterOpeningAgain) {
   Open()->Apply("ann", "add part-1", {Set("part-1", 7)}).value();
@@ -132,13 +136,15 @@ TEST_F(StoreTest, LosesNothingThatItConfirmedWhenItIsKilled) {
     if (child == 0) {
       auto store = std::move(Store::Open(folder_).value());
       for (;;) {
-        const std::int64_t revision = store->Apply("ann", "edit", {Set("p", store->State().revision + 1)}).value();
+        const std::int64_t revision =
+            store->Apply("ann", "edit", {Set("p", store->State().revision + 1)}).value();
         if (::write(ends[1], &revision, sizeof revision) != sizeof revision) ::_exit(1);
       }
     }
     ::close(ends[1]);
     std::int64_t confirmed = last;
-    for (int i = 0; i < 3 + round; ++i) ASSERT_EQ(::read(ends[0], &confirmed, sizeof confirmed), ssize_t(sizeof confirmed));
+    for (int i = 0; i < 3 + round; ++i)
+      ASSERT_EQ(::read(ends[0], &confirmed, sizeof confirmed), ssize_t(sizeof confirmed));
     std::this_thread::sleep_for(std::chrono::microseconds(137 * round));
     ::kill(child, SIGKILL);
     ::waitpid(child, nullptr, 0);

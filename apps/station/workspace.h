@@ -1,4 +1,5 @@
-// A survey as the station works on it: the pictures and their lines, the parts, and what the operator changed.
+// A survey as the station works on it: the pictures and their lines, the parts, and what the operator
+// changed.
 #pragma once
 #include <atomic>
 #include <functional>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "calibration.h"
+#include "edited_lines.h"
 #include "manual_fit.h"
 #include "part_json.h"
 #include "projection.h"
@@ -20,25 +22,14 @@
 
 namespace vss::station {
 
-// The lines of one picture as the operator left them.
-struct EditedLines {
-  LineImage found;                 // by VSS; a line's number is its index
-  std::vector<bool> removed;       // of the segments of `found`
-  std::map<int, LineSegment> drawn;  // by number, from kFirstDrawnLine
-  std::map<int, EllipticalArc> drawn_arcs;
-  std::int64_t version = 0;        // of the item with the operator's edits
-
-  const LineSegment* Find(int line) const;  // null where there is none, or it was removed
-  const EllipticalArc* FindArc(int line) const;
-};
-
 struct WorkspaceOptions {
   int threads = 0;
 };
 
 class Workspace {
  public:
-  static Result<std::unique_ptr<Workspace>> Open(const std::filesystem::path& folder, const WorkspaceOptions& options);
+  static Result<std::unique_ptr<Workspace>> Open(const std::filesystem::path& folder,
+                                                 const WorkspaceOptions& options);
   ~Workspace();
 
   // With the cameras that are in use; what it refers to stays as long as the workspace.
@@ -69,28 +60,32 @@ class Workspace {
 
   // The product as it stands, with its seams, for files and exports.
   Product ProductNow() const;
-  // The part measured in the grey values of all pictures, jointly with the other parts and the cameras, as the survey's
-  // last step does; its kind, support and matches stay.
+  // The part measured in the grey values of all pictures, jointly with the other parts and the cameras, as
+  // the survey's last step does; its kind, support and matches stay.
   Result<Part> Measured(const Part& part) const;
   // The report and the overlays of the product as it stands.
   Result<ReportFiles> Report();
 
-  // A run of the whole survey in the background; `tell` gets its progress as JSON. Parts that a person made, corrected
-  // or confirmed stay as they are. The outcome is one edit, which can be undone.
+  // A run of the whole survey in the background; `tell` gets its progress as JSON. Parts that a person made,
+  // corrected or confirmed stay as they are. The outcome is one edit, which can be undone.
   Status StartRun(const std::string& who, std::function<void(const Json&)> tell);
-  // A calibration in the background, of a job that FindCalibrationJobs names; its outcome is one edit. `model`: "weng" or
-  // "opencv"; `values`: of CalibrationParameters, by name.
-  Status StartCalibration(const std::string& who, const std::string& job, const std::string& model, const Json& values, std::function<void(const Json&)> tell);
-  // Puts the cameras that the store names ("settings", "cameras") into use: after each edit. Where they do not fit the
-  // survey any more its own stay, and its warnings say so.
+  // A calibration in the background, of a job that FindCalibrationJobs names; its outcome is one edit.
+  // `model`: "weng" or "opencv"; `values`: of CalibrationParameters, by name.
+  Status StartCalibration(const std::string& who, const std::string& job, const std::string& model,
+                          const Json& values, std::function<void(const Json&)> tell);
+  // Puts the cameras that the store names ("settings", "cameras") into use: after each edit. Where they do
+  // not fit the survey any more its own stay, and its warnings say so.
   void UseCameras();
   void CancelRun() { cancel_ = true; }
-  // {"job": "survey" or "calibration", "state": "none", "running", "done", "failed" or "cancelled", "message", "step", "done", "total"}
+  // {"job": "survey" or "calibration", "state": "none", "running", "done", "failed" or "cancelled",
+  // "message", "step", "done", "total"}
   Json RunState() const;
   // Was the last run made with other cameras than those in use?
   bool RunIsOfOtherCameras() const;
   // The changes that put `product` in the place of the automatic parts.
-  std::vector<Change> ChangesOfProduct(const Product& product) const;
+  // `new_ids`: how the product's parts are called here.
+  std::vector<Change> ChangesOfProduct(const Product& product,
+                                       std::map<std::string, std::string>* new_ids = nullptr) const;
 
  private:
   Workspace() = default;
@@ -116,8 +111,8 @@ class Workspace {
   friend class Commands;
 
   WorkspaceOptions options_;
-  Survey own_survey_;                  // as its folder has it
-  std::atomic<const Survey*> survey_;  // that, or one of with_cameras_
+  Survey own_survey_;                                                  // as its folder has it
+  std::atomic<const Survey*> survey_;                                  // that, or one of with_cameras_
   std::map<std::string, std::unique_ptr<const Survey>> with_cameras_;  // by the camera files; few, and kept
   KnowledgeBase knowledge_;
   std::vector<std::string> image_files_;
@@ -135,20 +130,6 @@ class Workspace {
   std::atomic<bool> cancel_{false};
   Json run_state_ = {{"state", "none"}};
 };
-
-// A line of picture `image` (or an arc, where `is_circle`) as the contour of an object. `file`: for the error where it is gone.
-Result<Pick> MakePick(const EditedLines& lines, const std::string& file, int image, int line, int contour, bool is_circle);
-
-// The segments and arcs of a picture as Views gives them to identification: what was removed is left out, what was
-// drawn is at the end. The station's numbers of the segments and of the arcs: by their index.
-struct FlatLineImage {
-  LineImage lines;
-  std::vector<int> segment_numbers, arc_numbers;
-};
-FlatLineImage FlatLines(const EditedLines& lines);
-
-// The ideal ends of a drawn line.
-void Straighten(const Intrinsics& lens, LineSegment& segment);
 
 // Why a person should look at this part; empty where there is no reason.
 std::string DoubtOf(const Part& part);

@@ -12,14 +12,16 @@ const { context } = browser;
 const percentile = (list, p) => [...list].sort((a, b) => a - b)[Math.min(list.length - 1, Math.floor(p * list.length))];
 
 async function firstPicture() {
-  const times = [];
+  const times = [], ready = [];
   for (let i = 0; i < 12; i++) {
     const page = await context.newPage();
     await page.goto(station.url);
     await page.waitForFunction(() => document.body.dataset.picture !== undefined);
     times.push(await page.evaluate(() => performance.getEntriesByName('first-picture')[0].startTime));
+    ready.push(await page.evaluate(() => performance.getEntriesByName('page-ready')[0].startTime));
     await page.close();
   }
+  console.log(`the page around it, lines can be asked for: ${ready[0].toFixed(0)} ms in a browser just started; then median ${percentile(ready, 0.5).toFixed(0)} ms, worst ${Math.max(...ready.slice(1)).toFixed(0)} ms`);
   console.log(`first picture: ${times[0].toFixed(0)} ms in a browser just started; then median ${percentile(times, 0.5).toFixed(0)} ms, worst ${Math.max(...times.slice(1)).toFixed(0)} ms (bar 500)`);
 }
 

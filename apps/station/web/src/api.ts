@@ -1,3 +1,4 @@
+import { t } from './texts';
 import type { CalibrationJobs, Cut, Difference, Fit, HistoryRow, KnownObject, Lines, Piece, Projection, ScenePart, SceneSeam, State, Survey } from './types';
 
 export class Refused extends Error {
@@ -14,10 +15,10 @@ async function ask<T>(path: string, body?: object): Promise<T> {
       method: 'POST', headers: { 'Content-Type': 'application/json', 'X-VSS-Who': encodeURIComponent(who) }, body: JSON.stringify(body),
     });
   } catch {
-    throw new Refused(0, 'The station does not answer. Is it still running?');
+    throw new Refused(0, t.noAnswer);
   }
   const json = await answer.json().catch(() => ({}));
-  if (!answer.ok) throw new Refused(answer.status, (json as { error?: string }).error ?? `The station answered ${answer.status}.`);
+  if (!answer.ok) throw new Refused(answer.status, (json as { error?: string }).error ?? t.answered(answer.status));
   return json as T;
 }
 
@@ -27,6 +28,7 @@ export const api = {
   knowledge: () => ask<{ objects: KnownObject[] }>('knowledge'),
   lines: (image: number) => ask<Lines>(`pictures/${image}/lines`),
   projection: (image: number) => ask<Projection>(`pictures/${image}/projection`),
+  before: (image: number, edit: number) => ask<{ parts: Record<string, Piece[]> }>(`pictures/${image}/before?edit=${edit}`),
   scene: () => ask<{ parts: ScenePart[]; seams: SceneSeam[] }>('scene'),
   history: (before = 0, limit = 100) => ask<{ rows: HistoryRow[] }>(`history?before=${before}&limit=${limit}`),
   differences: (edit: number) => ask<{ differences: Difference[] }>(`history?limit=1&edit=${edit}`),
@@ -34,15 +36,15 @@ export const api = {
   manual: () => ask<{ pages: { name: string; text: string }[] }>('manual'),
   measure: (a: string, b: string) => ask<{ distance: number; sigma: number | null; delta: [number, number, number] }>(`measure?a=${encodeURIComponent(a)}&b=${encodeURIComponent(b)}`),
   drawing: (kind: string, features: string[] | undefined, dimensions: Record<string, number> = {}, resting_pose = 0) => ask<{ pieces: Piece[]; size: number }>('drawing', { kind, features, dimensions, resting_pose }),
-  cut: (part: string, image: number, at: [number, number]) => ask<Cut>('cut', { part, image, at }),
+  cut: (part: string, image: number, at: [number, number], along: string) => ask<Cut>('cut', { part, image, at, along }),
   fit: (question: object) => ask<Fit>('fit', question),
   command: (name: string, args: object = {}) => ask<Record<string, unknown> & { revision: number }>('command', { do: name, ...args }),
 };
 
 // Saves what the station answers as a file of that name; a refusal is an error with its sentence.
 export async function download(path: string) {
-  const answer = await fetch('/api/' + path).catch(() => { throw new Refused(0, 'The station does not answer. Is it still running?'); });
-  if (!answer.ok) throw new Refused(answer.status, ((await answer.json().catch(() => ({}))) as { error?: string }).error ?? `The station answered ${answer.status}.`);
+  const answer = await fetch('/api/' + path).catch(() => { throw new Refused(0, t.noAnswer); });
+  if (!answer.ok) throw new Refused(answer.status, ((await answer.json().catch(() => ({}))) as { error?: string }).error ?? t.answered(answer.status));
   const name = /filename="([^"]+)"/.exec(answer.headers.get('Content-Disposition') ?? '')?.[1] ?? 'file', link = document.createElement('a');
   link.href = URL.createObjectURL(await answer.blob());
   link.download = name;
@@ -51,11 +53,17 @@ export async function download(path: string) {
 }
 
 // The first picture is on its way already (public/early.js).
-declare global { interface Window { vssEarly?: { image: number; answer: Promise<Response> } } }
+declare global { interface Window { vssEarly?: { image: number; answer: Promise<Response>; shown: Promise<void>; done: boolean } } }
+let taken = false;
 export function fetchPicture(image: number): Promise<Response> {
-  const early = window.vssEarly;
-  window.vssEarly = undefined;
+  const early = taken ? undefined : window.vssEarly;
+  taken = true;
   return early?.image === image ? early.answer : fetch(`/api/pictures/${image}/image`);
+}
+// The page shows the picture itself from here on.
+export function endEarly() {
+  if (window.vssEarly) window.vssEarly.done = true;
+  document.getElementById('early')?.remove();
 }
 
 // Messages of the server; opens again by itself after the server was away.

@@ -16,7 +16,6 @@ export function partColour(id: string): string {
   const number = Number(/(\d+)$/.exec(id)?.[1] ?? 1);
   return palette[(number - 1 + palette.length * 100) % palette.length];
 }
-export const firstDrawnLine = 1000000;  // as the server numbers lines and curves that were drawn by hand
 export const unusedColour = '#f0b429', usedColour = '#3ddc97', neutralColour = '#7f93a6';
 
 export function arcPoints(a: ArcRow, steps = 40): number[] {

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import { nextContour } from './contours';
 import { differencesOf } from './differences';
-import { pagesOf, searchPages } from './manual';
+import { pagesOf, searchPages, withMarks } from './manual';
 import { tasksOf } from './queue';
 import type { Part, Piece } from './types';
 
@@ -47,10 +47,23 @@ describe('what an edit changed', () => {
 });
 
 describe('the manual', () => {
+  it('puts what an operator needs first', () => {
+    const names = ['accuracy.md', 'knowledge-base.md', '04-trouble.md', 'calibration.md', '01-normal-operation.md'];
+    expect(pagesOf(names.map((name) => ({ name, text: '# ' + name }))).map((p) => p.name)).toEqual(['01-normal-operation.md', 'calibration.md', 'knowledge-base.md', '04-trouble.md', 'accuracy.md']);
+  });
+  it('cuts no word, and tells of the sections where a page has no lead', () => {
+    const [long, short] = pagesOf([{ name: '1.md', text: '# A\n\n' + 'wonderful '.repeat(40) }, { name: '2.md', text: '# B\n\n## First\n\nx\n\n## Second' }]);
+    expect(long.lead).toMatch(/^(wonderful )+…$/);
+    expect(short.lead).toBe('First · Second');
+  });
+  it('marks what was searched for', () => {
+    expect(withMarks('Contrast and gamma', ['gamma', 'con'])).toEqual([{ text: 'Con', hit: true }, { text: 'trast and ', hit: false }, { text: 'gamma', hit: true }]);
+    expect(withMarks('a (b', ['('])).toEqual([{ text: 'a ', hit: false }, { text: '(', hit: true }, { text: 'b', hit: false }]);
+  });
   const pages = pagesOf([{ name: 'a.md', text: '# Normal operation\n\nHow a day goes.\n\n## Undo\n\nPress Ctrl+Z to undo an edit.' }, { name: 'b.md', text: '# Trouble\n\nWhat to do when an edit was refused.' }]);
   it('has titles and leads', () => expect(pages.map((p) => [p.title, p.lead])).toEqual([['Normal operation', 'How a day goes.'], ['Trouble', 'What to do when an edit was refused.']]));
   it('finds sections with every word, titles first', () => {
-    expect(searchPages(pages, 'undo')[0].title).toBe('Normal operation: Undo');
+    expect(searchPages(pages, 'undo')[0]).toMatchObject({ title: 'Normal operation: Undo', section: 'Undo', excerpt: 'Press Ctrl+Z to undo an edit.' });
     expect(searchPages(pages, 'edit refused').map((h) => h.page)).toEqual(['b.md']);
     expect(searchPages(pages, 'gantry')).toEqual([]);
   });

@@ -10,4 +10,6 @@ window.addEventListener('unhandledrejection', (e) => {
   e.preventDefault();
   station.complain(e.reason);
 });
-mount(App, { target: document.body });
+// The picture is on the screen before the page is built around it; where it is late, the page does not wait.
+const longestWaitMs = 400;
+void Promise.race([window.vssEarly?.shown, new Promise((done) => setTimeout(done, longestWaitMs))]).then(() => mount(App, { target: document.body }));

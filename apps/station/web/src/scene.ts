@@ -27,6 +27,26 @@ function hatch(): THREE.Texture {
   return texture;
 }
 
+// Where to look, and from how far, so that all points are seen as large as may be. `tan`: of half the angle of view, upright.
+function nearest(points: THREE.Vector3[], axes: { back: THREE.Vector3; right: THREE.Vector3; up: THREE.Vector3 }, tan: number, aspect: number) {
+  const target = new THREE.Box3().setFromPoints(points).getCenter(new THREE.Vector3()), d = new THREE.Vector3(), margin = 1.1;
+  const rounds = 4;  // each moves the target to the middle of what is seen, which changes the distance a little
+  let distance = 100;
+  for (let round = 0; round < rounds; round++) {
+    distance = 100;
+    for (const p of points) {
+      d.subVectors(p, target);
+      distance = Math.max(distance, d.dot(axes.back) + margin * Math.max(Math.abs(d.dot(axes.up)) / tan, Math.abs(d.dot(axes.right)) / (tan * aspect)));
+    }
+    if (round === rounds - 1) break;
+    for (const axis of [axes.right, axes.up]) {
+      const at = points.map((p) => { d.subVectors(p, target); return d.dot(axis) / (distance - d.dot(axes.back)); });
+      target.addScaledVector(axis, ((Math.min(...at) + Math.max(...at)) / 2) * distance);
+    }
+  }
+  return { target, distance };
+}
+
 export class SceneDrawing {
   readonly webgl: boolean;
   private renderer: THREE.WebGLRenderer | SVGRenderer;
@@ -36,6 +56,7 @@ export class SceneDrawing {
   private shown: Shown[] = [];
   private cameras = new THREE.Group();
   private frusta: THREE.LineSegments[] = [];
+  private centers: THREE.Vector3[] = [];  // of the cameras
   private marks = new THREE.Group();
   private readonly seams = new THREE.Group();
   private ground = new THREE.Group();
@@ -200,6 +221,7 @@ export class SceneDrawing {
       geometry.setAttribute('position', new THREE.Float32BufferAttribute(p, 3));
       const frustum = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: '#5f8aa6' }));
       this.frusta.push(frustum);
+      this.centers.push(new THREE.Vector3(...im.center));
       this.cameras.add(frustum);
       if (im.gantry) stops.add(im.gantry.join());
     }
@@ -224,13 +246,14 @@ export class SceneDrawing {
     this.ask();
   }
   showCameras(yes: boolean) { this.cameras.visible = yes; this.ask(); }
-  // 100: whole; below, everything beyond that share of the workpiece along the axis is cut away.
-  setSection(axis: 'x' | 'y' | 'z', percent: number) {
+  // 100: whole; below, everything beyond that share of the workpiece along the axis is cut away. Where that is, mm; null: nowhere.
+  setSection(axis: 'x' | 'y' | 'z', percent: number): number | null {
     const low = axis === 'z' ? 0 : this.extent.min[axis], high = axis === 'z' ? this.height : this.extent.max[axis];
     this.clip.normal.set(axis === 'x' ? -1 : 0, axis === 'y' ? -1 : 0, axis === 'z' ? -1 : 0);
     this.clip.constant = percent >= 100 ? noClip : low + ((high - low) * percent) / 100 + 0.01;
     this.placeCaps();
     this.ask();
+    return percent >= 100 ? null : this.clip.constant;
   }
   setMeasuring(yes: boolean) { this.measuring = yes; for (const s of this.shown) s.vertices.visible = yes; this.ask(); }
   setMarks(marks: VertexPick[]) {
@@ -252,10 +275,13 @@ export class SceneDrawing {
   }
 
   private look(direction: THREE.Vector3) {
-    const sphere = this.extent.getBoundingSphere(new THREE.Sphere());
-    const distance = (sphere.radius || 1000) / Math.sin(((this.camera.fov * Math.PI) / 180) * 0.5) / Math.min(1, this.camera.aspect);
-    this.controls.target.copy(sphere.center);
-    this.camera.position.copy(sphere.center).addScaledVector(direction.normalize(), distance * 0.85);
+    const back = direction.normalize(), right = new THREE.Vector3(0, 0, 1).cross(back).normalize(), up = back.clone().cross(right);
+    const points = this.shown.flatMap((s) => [...s.data.vertices, ...s.data.circles.map((c) => c.center)]).map((v) => new THREE.Vector3(...v));
+    if (this.cameras.visible) points.push(...this.centers);
+    if (points.length === 0) points.push(this.extent.min, this.extent.max);
+    const { target, distance } = nearest(points, { back, right, up }, Math.tan(((this.camera.fov * Math.PI) / 180) * 0.5), this.camera.aspect);
+    this.controls.target.copy(target);
+    this.camera.position.copy(target).addScaledVector(back, distance);
     this.camera.near = distance / 100; this.camera.far = distance * 20;
     this.camera.updateProjectionMatrix();
     this.controls.update();

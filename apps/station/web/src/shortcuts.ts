@@ -1,7 +1,7 @@
 // Every key of the page. Fields keep their own keys. What a key does is looked up in the operator's own table.
 import { station as s } from './station.svelte';
 import { actionOf, nameOfKey } from './keymap';
-import { firstDrawnLine, type ColourBy } from './lines';
+import type { ColourBy } from './lines';
 
 const colours: ColourBy[] = ['strength', 'use', 'part'];
 type Action = () => void;
@@ -18,7 +18,7 @@ const actions: Record<string, Action> = {
   build: () => s.startBuild(), correct: () => { if (s.part) s.correct(s.part); }, collect: () => { if (s.build) void s.ask(true); },
   draw: tool('draw'), curve: tool('arc'), split: tool('split'), extend: tool('extend'), merge: tool('merge'),
   delete: () => {
-    if (s.line && (!s.line.circle || s.line.line >= firstDrawnLine)) void s.removeLine(s.line);
+    if (s.line) void s.removeLine(s.line);
     else if (s.part && !s.build) void s.remove(s.part);
   },
 };

@@ -1,11 +1,12 @@
 // The state of the page: what the server says, and what the operator looks at.
-import { api, download, listen, Refused, setWho } from './api';
+import { api, download, endEarly, listen, Refused, setWho } from './api';
 import { contourAt, samePlace, type Contour } from './contours';
 import type { Keys } from './keymap';
 import { arcPoints, LineIndex, linePoints, type ColourBy, type Found } from './lines';
 import { tasksOf, type Unknown } from './queue';
 import { t } from './texts';
-import type { Fit, Hint, Item, KnownObject, Lines, Parameter, Part, Pick, Projection, Run, ScenePart, SceneSeam, State, Survey } from './types';
+import { plainTone, type Tone } from './tone';
+import type { Fit, Hint, Item, KnownObject, Lines, Parameter, Part, Pick, Piece, Projection, Run, ScenePart, SceneSeam, State, Survey } from './types';
 
 export type Tab = 'parts' | 'todo' | 'build' | 'parameters' | 'cameras' | 'history' | 'help';
 export type Tool = 'look' | 'draw' | 'arc' | 'cut' | 'split' | 'extend' | 'merge' | 'remove';
@@ -50,12 +51,12 @@ class Station {
   view = $state<ViewMode>('picture');
   layers = $state<Layers>({ picture: true, lines: true, parts: true, hidden: true, residuals: false, vertices: false });
   colourBy = $state<ColourBy>('strength');
-  contrast = $state(1);
-  gamma = $state(1);
+  tone = $state<Tone>({ ...plainTone });
   magnify = $state(40);
   who = $state('operator');
   helpPage = $state('');
   helpSection = $state('');             // a heading of that page
+  parameterSearch = $state('');
   keys = $state.raw<Keys>({});           // that the operator changed
   showKeys = $state(false);
   guide = $state(-1);
@@ -68,6 +69,9 @@ class Station {
   build = $state<Build | null>(null);
   fit = $state.raw<Fit | null>(null);
   fitError = $state('');
+
+  compared = $state(0);                  // the edit before which the pictures show changed parts, dotted
+  before = $state.raw<{ image: number; edit: number; pieces: Piece[] } | null>(null);
 
   pictured = $state(false);              // the first picture is on the screen
 
@@ -92,7 +96,7 @@ class Station {
   imageOf(file: string) { return this.survey?.images.findIndex((i) => i.file === file) ?? -1; }
 
   async start() {
-    const kept = remembered('page', { image: 0, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, contrast: 1, gamma: 1, magnify: this.magnify, keys: this.keys });
+    const kept = remembered('page', { image: 0, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, tone: { ...plainTone }, magnify: this.magnify, keys: this.keys });
     Object.assign(this, { ...kept, image: this.image, layers: { ...this.layers, ...kept.layers } });
     setWho(this.who);
     try {
@@ -122,11 +126,12 @@ class Station {
   firstPictureShown() {
     if (this.pictured) return;
     this.pictured = true;
+    endEarly();
     this.loadRest();
   }
 
   keep() {
-    remember('page', { image: this.image, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, contrast: this.contrast, gamma: this.gamma, magnify: this.magnify, keys: this.keys });
+    remember('page', { image: this.image, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, tone: this.tone, magnify: this.magnify, keys: this.keys });
     remember('build', { build: this.build, survey: this.survey?.name });
   }
   setName(name: string) { this.who = name.trim() || 'operator'; setWho(this.who); this.keep(); }
@@ -206,6 +211,18 @@ class Station {
     for (let i = 0; i < (this.survey?.images.length ?? 0); i++) await this.loadLines(i).catch(() => {});
   }
 
+  // How the parts that an edit changed looked before it, in the present picture; 0: not any more.
+  async compare(edit: number) {
+    this.compared = edit;
+    this.before = null;
+    if (!edit) return;
+    const image = this.image;
+    try {
+      const pieces = Object.values((await api.before(image, edit)).parts).flat();
+      if (edit === this.compared && image === this.image) this.before = { image, edit, pieces };
+    } catch (e) { this.complain(e as Error); }
+  }
+
   async loadScene() {
     if (this.scene.revision === this.revision) return;
     const revision = this.revision;
@@ -220,7 +237,14 @@ class Station {
     this.guideDone.look = true;
     this.keep();
     void this.loadPicture(this.image);
+    if (this.compared) void this.compare(this.compared);
   }
+
+  // A cut divides one dimension of the selected part: which ones it may, and which one is chosen.
+  cuts = $derived(this.objects.find((o) => o.kind === this.part?.kind)?.cuts ?? []);
+  along = $state('');
+  turnCut() { this.along = this.cuts[(this.cuts.indexOf(this.along) + 1) % this.cuts.length] ?? ''; }
+  startCut() { this.along = this.cuts[0] ?? ''; this.tool = 'cut'; }
 
   select(id: string) {
     if (id !== this.selected && this.tool === 'cut') this.tool = 'look';
@@ -255,6 +279,7 @@ class Station {
   }
 
   async nextTask() {
+    this.guideDone.doubt = true;
     if (this.tasks.length === 0) { this.tab = 'todo'; return; }
     const at = this.tasks.findIndex((x) => x.id === this.selected);
     await this.openTask(this.tasks[(at + 1) % this.tasks.length].id);
@@ -272,6 +297,7 @@ class Station {
 
   // A box of the world (mm, centre and extent) in the picture in whose middle it lies.
   private showPlace(center: [number, number, number], extent: [number, number, number]) {
+    this.showing++;
     this.go(this.nearestImageOf(center));
     const us: number[] = [], vs: number[] = [];
     for (const corner of [0, 1, 2, 3, 4, 5, 6, 7]) {
@@ -281,10 +307,12 @@ class Station {
     if (us.length > 1) this.show?.(Math.min(...us), Math.min(...vs), Math.max(...us), Math.max(...vs));
   }
 
+  private showing = 0;
   async showPart(part: Part) {
-    const best = this.bestImageOf(part);
+    const asked = ++this.showing, best = this.bestImageOf(part);
     if (best >= 0) this.go(best);
     await this.loadPicture(this.image);
+    if (asked !== this.showing) return;  // another one was asked for meanwhile
     const pieces = this.projections.get(this.image)?.parts[part.id]?.pieces ?? [];
     const points = pieces.flatMap((p) => p.points);
     if (points.length < 4) return;
@@ -390,7 +418,7 @@ class Station {
       b.contour = there;
     }
     if (!b.contour) { this.say(t.build.contourHint); return; }
-    if (b.contour.circle !== circle) { this.say(b.contour.circle ? 'This contour is a rim: click a curved line.' : 'This contour is straight: click a straight line.', true); return; }
+    if (b.contour.circle !== circle) { this.say(t.build.otherShape(b.contour.circle), true); return; }
     b.picks.push({ image: this.image, line, contour: b.contour.index, circle });
     this.advance?.();
     void this.ask();
@@ -419,9 +447,9 @@ class Station {
     const b = this.build;
     const saved = await this.command('save_part', { ...this.question(), part: b.part || undefined, version: b.part ? this.version('part', b.part) : undefined });
     if (!saved) return;
+    const elsewhere = this.tab !== 'build' ? this.tab : null;  // where the operator went on to meanwhile
     this.stopBuild();
-    this.select(String(saved.part));
-    this.tab = 'parts';
+    if (elsewhere) this.tab = elsewhere; else this.select(String(saved.part));
   }
 
   chooseContour(index: number, circle: boolean) { if (this.build) { this.build.contour = { index, circle }; this.build.chosen = true; } }

@@ -6,17 +6,22 @@ export interface Camera { id: string; width: number; height: number; fx: number;
 export interface Survey { name: string; step: boolean; images: SurveyImage[]; cameras: Camera[]; warnings: string[]; version: string }
 
 export interface Dimension { value: number; sigma: number | null; observable: boolean; origin?: string; nominal?: number }
-export interface Match { image: string; line: number; edge: number; arc: boolean; residual_px: number }
+export interface Match { image: string; line: number; edge: number; arc: boolean; residual_px: number | null }
 export interface Part {
   id: string; kind: string; features?: string[]; designation?: string; standard?: string; designation_candidates?: string[]; source: 'automatic' | 'corrected' | 'manual';
-  resting_pose: string; stands_on: string; residual_px: number; doubtful: boolean; log_odds: number;
+  resting_pose: string; stands_on: string; residual_px: number | null; doubtful: boolean; log_odds: number;
   confirmed: boolean; doubt: string;
   pose: { position: Vec3; rotation: [Vec3, Vec3, Vec3]; yaw: number };
-  dimensions: Record<string, Dimension>;
+  dimensions: Record<string, Dimension>; dimension_order?: string[];
   vertices: Vec3[]; vertex_sigma: Vec3[]; edges: [number, number][];
   circles: { center: Vec3; normal: Vec3; radius: number }[];
   images: string[]; matches: Match[];
   runner_up?: { kind: string; log_odds: number };
+}
+
+// In the order in which the knowledge base has them: length first.
+export function dimensionsOf(part: Part): [string, Dimension][] {
+  return (part.dimension_order ?? Object.keys(part.dimensions)).filter((name) => name in part.dimensions).map((name) => [name, part.dimensions[name]]);
 }
 
 export interface Item { kind: string; id: string; value: unknown; version: number }
@@ -37,15 +42,15 @@ export interface Piece { source: 'edge' | 'circle' | 'limb'; index: number; hidd
 export interface Projection { parts: Record<string, { pieces: Piece[]; vertices: ([number, number, number] | null)[] }> }
 
 export interface KnownObject {
-  kind: string; title: string; resting_poses: string[]; variants: string[][];
+  kind: string; title: string; resting_poses: string[]; variants: string[][]; cuts: string[];  // cuts: dimensions that can be divided
   dimensions: { name: string; min: number; max: number; usual: number; help: string }[];
 }
 
 export interface Pick { image: number; line: number; contour: number; circle: boolean; residual_px?: number | null }
 export interface Hint { dimension: string; image: number; contour: number; circle: boolean }
-export interface Fit { part: Part; picks: Pick[]; projections: Record<string, Piece[]>; hints: Hint[]; placed: boolean; rms_px: number; ms: number }
+export interface Fit { part: Part; picks: Pick[]; projections: Record<string, Piece[]>; hints: Hint[]; placed: boolean; rms_px: number | null; ms: number }
 
-export interface Cut { share: number; lengths: [number, number]; pieces: Piece[] }
+export interface Cut { share: number; along: string; lengths: [number, number]; pieces: Piece[]; refused?: string }
 
 export interface HistoryRow { revision: number; edit: number; action: 'edit' | 'undo' | 'redo'; who: string; when: string; label: string }
 export interface Difference { kind: string; id: string; before: unknown; after: unknown }

@@ -36,7 +36,28 @@ export async function startBrowser() {
     executablePath, headless: true, viewport: { width: 1280, height: 800 }, serviceWorkers: 'block',
     args: ['--no-sandbox', '--disable-gpu', '--disable-background-networking', '--no-first-run', '--enable-unsafe-swiftshader'],
   });
-  return { context, close: async () => { await context.close(); rmSync(profile, { recursive: true, force: true }); } };
+  // The share of two JPEG pictures that differs: blocks of 4 x 4 px whose mean grey values are more than 20 apart, of 255.
+  const unlike = async (before, after) => {
+    const page = await context.newPage();
+    const share = await page.evaluate(async (pictures) => {
+      const [a, b] = await Promise.all(pictures.map(async (picture) => {
+        const bitmap = await createImageBitmap(new Blob([Uint8Array.from(atob(picture), (c) => c.charCodeAt(0))], { type: 'image/jpeg' }));
+        const { width, height } = bitmap, canvas = new OffscreenCanvas(width, height), draw = canvas.getContext('2d'), w = Math.floor(width / 4), blocks = new Float64Array(w * Math.floor(height / 4));
+        draw.drawImage(bitmap, 0, 0);
+        const { data } = draw.getImageData(0, 0, width, height);
+        for (let v = 0; v < 4 * Math.floor(height / 4); v++) for (let u = 0; u < 4 * w; u++) {
+          const i = 4 * (v * width + u);
+          blocks[(v >> 2) * w + (u >> 2)] += (0.299 * data[i] + 0.587 * data[i + 1] + 0.114 * data[i + 2]) / 16;
+        }
+        return { width, height, blocks };
+      }));
+      if (a.width !== b.width || a.height !== b.height) return 1;
+      return a.blocks.filter((x, i) => Math.abs(x - b.blocks[i]) > 20).length / a.blocks.length;
+    }, [before, after].map((picture) => picture.toString('base64')));
+    await page.close();
+    return share;
+  };
+  return { context, unlike, close: async () => { await context.close(); rmSync(profile, { recursive: true, force: true }); } };
 }
 
 export async function ask(url, path, body) {
