@@ -33,8 +33,14 @@ const shot = async (name, on = page) => {
   if (!shots && !manual) return;
   await on.waitForFunction(() => !document.querySelector('.toast'), undefined, { timeout: 15000 });
   await on.evaluate(() => document.querySelector('.strip .on')?.scrollIntoView({ block: 'center', inline: 'center' }));  // where it was scrolled to before is all one
-  // Until nothing changes any more.
-  const take = async () => { await on.waitForTimeout(350); return on.screenshot({ type: 'jpeg', quality: 78, animations: 'disabled' }); };
+  // Until nothing changes any more. Every clock shows the same time.
+  const take = async () => {
+    await on.waitForTimeout(350);
+    await on.evaluate(() => { for (const t of document.querySelectorAll('time')) { t.title = t.firstChild.data; t.firstChild.data = '5/4/26, 9:41:00 AM'; } });
+    const picture = await on.screenshot({ type: 'jpeg', quality: 78, animations: 'disabled' });
+    await on.evaluate(() => { for (const t of document.querySelectorAll('time[title]')) { t.firstChild.data = t.title; t.removeAttribute('title'); } });
+    return picture;
+  };
   let picture = await take();
   for (let i = 0, before = null; i < 8 && !(before && before.equals(picture)); i++) [before, picture] = [picture, await take()];
   if (shots) writeFileSync(join(shots, name + '.jpg'), picture);
@@ -52,7 +58,7 @@ const letters = (on) => on.evaluate(() => {
 });
 const known = manual && existsSync(join(manual, 'letters.json')) ? JSON.parse(readFileSync(join(manual, 'letters.json'), 'utf8')) : null;
 const sameLetters = (now) => known?.width_px === now.width_px;
-const staleShare = 0.003;  // times and milliseconds in the picture are others every time: 0.001 of it
+const staleShare = 0.003;  // milliseconds in the picture are others every time: 0.001 of it
 const parts = async () => (await ask(station.url, 'state')).json.items.filter((i) => i.kind === 'part').map((i) => i.value);
 const revision = async () => (await ask(station.url, 'state')).json.revision;
 const until = async (what, test, ms = 20000) => {
