@@ -60,7 +60,7 @@ Json JsonOf(const std::vector<ContourResidual>& residuals, const std::vector<std
   Json list = Json::array();
   for (const auto& r : residuals)
     list.push_back({r.contour, r.index, r.side, r.lies, files.at(std::size_t(r.image)), r.mean_px, r.rms_px,
-                    r.num_points, r.used});
+                    r.num_points, r.used, r.shadowed});
   return list;
 }
 
@@ -69,7 +69,7 @@ std::vector<ContourResidual> ContourResidualsOf(const Json& json, const std::vec
   for (const auto& r : json)
     out.push_back({r.at(0).get<std::string>(), r.at(1).get<int>(), r.at(2).get<int>(),
                    r.at(3).get<std::string>(), ImageIndex(r.at(4), files), NumberOf(r.at(5)),
-                   NumberOf(r.at(6)), r.at(7).get<int>(), r.at(8).get<bool>()});
+                   NumberOf(r.at(6)), r.at(7).get<int>(), r.at(8).get<bool>(), r.at(9).get<bool>()});
   return out;
 }
 

@@ -173,7 +173,7 @@ TEST_F(ManualFit, ComesBackFromAPartToTheObjectItWas) {
   const auto files = std::vector<std::string>{"a.png", "b.png"};
   StationPart kept{part, true, "why"};
   kept.part.id = "part-1";
-  kept.part.contour_residuals = {{"edge", 3, 0, "contact", 1, 0.012345678901, 0.2, 41, false},
+  kept.part.contour_residuals = {{"edge", 3, 0, "contact", 1, 0.012345678901, 0.2, 41, false, true},
                                  {"limb", 0, 1, "limb", 0, -0.1, 0.3, 9, true}};
   kept.part.straightness = {{2, 0.31, 0.07, 5}};
   kept.part.observable = {true, true, false, true, false, false, true, true, true};

@@ -33,16 +33,10 @@ std::vector<Row> Measure(std::span<const IdentifiedPart> parts, std::span<const 
                          std::span<const GreyView> pictures, int threads) {
   std::vector<WorldSolid> solids;
   for (const auto& p : parts) solids.push_back(PlaceSolid(p.object, false));
-  std::vector<Occluders> others(solids.size());
-  for (std::size_t i = 0; i < solids.size(); ++i)
-    for (std::size_t k = 0; k < solids.size(); ++k)
-      if (i != k) others[i].Add(solids[k], static_cast<int>(k));
+  const auto others = OthersOf(solids);
   std::vector<std::vector<Row>> rows(views.size());
   ParallelFor(views.size(), threads, [&](std::size_t v) {
-    std::vector<double> blurs;
-    for (const auto& l : views[v].lines->segments)
-      if (l.blur_px > 0) blurs.push_back(l.blur_px);
-    const PictureState state{Quantile(blurs, 0.5), 0.2, views[v].lines->noise_sigma};
+    const PictureState state = StateBefore(views[v]);
     const auto measured =
         MeasureView(solids, others, views[v], static_cast<int>(v), pictures[v], state, {kSearchPx, 8});
     for (const auto& g : measured.groups) {
@@ -91,10 +85,9 @@ const char* HeightOf(const Row& r) {
 }
 
 void PrintTable(const std::vector<Row>& rows) {
-  const char* const classes[] = {"free", "contact", "round", "limb", "shadowed"};
   std::map<std::array<std::string, 5>, std::vector<double>> bins;
   for (const auto& r : rows)
-    bins[{classes[static_cast<int>(r.edge_class)], r.silhouette ? "silhouette" : "inner", HeightOf(r),
+    bins[{NameOf(r.edge_class), r.silhouette ? "silhouette" : "inner", HeightOf(r),
           r.contrast > 0 ? "behind bright" : "behind dark",
           r.neighbour_blurs < 3   ? "near"
           : r.neighbour_blurs < 6 ? "beside"
@@ -151,9 +144,9 @@ int main(int argc, char** argv) {
   if (list)
     for (const auto& r : rows)
       fmt::print(
-          "{} source {} edge {:>2} class {} {} view {:>2} above {:5.1f} out {:7.3f} sigma {:.3f} contrast "
+          "{} source {} edge {:>2} {} {} view {:>2} above {:5.1f} out {:7.3f} sigma {:.3f} contrast "
           "{:6.1f} pieces {}\n",
-          r.kind, static_cast<int>(r.source), r.index, static_cast<int>(r.edge_class),
+          r.kind, static_cast<int>(r.source), r.index, NameOf(r.edge_class),
           r.silhouette ? "silhouette" : "inner", r.view, r.above_px, r.out_px, r.sigma_px, r.contrast,
           r.pieces);
   PrintTable(rows);

@@ -286,10 +286,7 @@ class Studies {
     out["errors"] = ToJson(ErrorsOf(*result, truth));
     std::vector<WorldSolid> solids;
     for (const auto& p : truth) solids.push_back(PlaceSolid(p.object, false));
-    std::vector<Occluders> others(solids.size());
-    for (std::size_t i = 0; i < solids.size(); ++i)
-      for (std::size_t k = 0; k < solids.size(); ++k)
-        if (i != k) others[i].Add(solids[k], static_cast<int>(k));
+    const auto others = OthersOf(solids);
     int pairs = 0;
     const double busy = ProcessorSeconds();
     for (std::size_t v = 0; v < r.views.size(); ++v) {

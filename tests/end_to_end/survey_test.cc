@@ -88,6 +88,8 @@ TEST_F(SampleSurvey, WritesWhatASurveyorChecksItBy) {
   EXPECT_EQ(checks["scale"]["from"], "gantry");
   for (const auto& part : product["parts"]) {
     EXPECT_GT(part["contours"].size(), 2u) << part["id"];
+    for (const auto& contour : part["contours"])
+      EXPECT_THAT(contour["lies"], testing::AnyOf("free", "contact", "round", "limb")) << part["id"];
     EXPECT_TRUE(part.contains("covariance")) << part["id"];
     EXPECT_TRUE(part["observability"]["observable"].contains("yaw")) << part["id"];
   }

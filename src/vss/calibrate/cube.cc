@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 
+#include "vss/base/median.h"
 #include "vss/calibrate/cube_geometry.h"
 #include "vss/calibrate/cube_start.h"
 #include "vss/calibrate/maps.h"
@@ -127,12 +128,6 @@ std::vector<Observation> Measure(const Rig& rig, const Unknowns& x, double reach
   return observations;
 }
 
-double MedianOf(std::vector<double> v) {
-  if (v.empty()) return 0;
-  std::nth_element(v.begin(), v.begin() + v.size() / 2, v.end());
-  return v[v.size() / 2];
-}
-
 // Residual of an observation, and by pose (6), scale (1) and axes (9, row by row).
 bool Residual(const Rig& rig, const Unknowns& x, const Observation& o, double& r,
               Eigen::Matrix<double, 1, 16>* j) {
@@ -174,14 +169,14 @@ std::map<std::pair<int, int>, EdgeState> EdgeStates(const std::vector<Observatio
     class_of[{o.picture, o.edge}] = o.edge_class;
   }
   for (auto& [key, e] : edges)
-    best_contrast[key.first] = std::max(best_contrast[key.first], MedianOf(e.contrast));
+    best_contrast[key.first] = std::max(best_contrast[key.first], Median(e.contrast));
   for (auto& [key, e] : edges) {
-    e.middle_px = MedianOf(e.residual);
+    e.middle_px = Median(e.residual);
     std::vector<double> deviation;
     for (double r : e.residual) deviation.push_back(std::abs(r - e.middle_px));
-    e.spread_px = 1.4826 * MedianOf(deviation);
+    e.spread_px = 1.4826 * Median(deviation);
     const double factor =
-        std::clamp(best_contrast[key.first] / std::max(1e-9, MedianOf(e.contrast)), 1.0, kMaxFactor);
+        std::clamp(best_contrast[key.first] / std::max(1e-9, Median(e.contrast)), 1.0, kMaxFactor);
     e.sigma_px = factor * kPriors[static_cast<int>(class_of[key])].edge_sigma_px;
   }
   // How far edges really lie off, in their sigmas: most tell what the few may not. An edge beyond that loses
@@ -192,7 +187,7 @@ std::map<std::pair<int, int>, EdgeState> EdgeStates(const std::vector<Observatio
   };
   std::vector<double> all;
   for (const auto& entry : edges) all.push_back(off(entry.second));
-  const double scale = std::clamp(1.4826 * MedianOf(all), kMinScale, kMaxScale);
+  const double scale = std::clamp(1.4826 * Median(all), kMinScale, kMaxScale);
   for (auto& entry : edges) {
     const double z = off(entry.second) / (2 * scale);
     entry.second.trust = 1 / (1 + z * z);

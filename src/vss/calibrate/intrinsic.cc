@@ -6,6 +6,7 @@
 #include <map>
 #include <numeric>
 
+#include "vss/base/median.h"
 #include "vss/calibrate/maps.h"
 #include "vss/solve/schur_lm.h"
 
@@ -24,13 +25,6 @@ constexpr double kMaxDropShare = 0.2;     // of a view's marks: beyond, the view
 constexpr double kBlurRatio = 1.6;        // of the median blur: beyond, the view is called blurred
 constexpr double kSizeTolerance = 0.12;   // diameter over pitch as seen against as given
 constexpr double kAspectTolerance = 0.1;  // fy/fx against the data sheet's pixel pitch
-
-template <class T>
-T Median(std::vector<T> v) {
-  if (v.empty()) return T{};
-  std::nth_element(v.begin(), v.begin() + v.size() / 2, v.end());
-  return v[v.size() / 2];
-}
 
 std::string MarksName(const TargetSpec& t) {
   return t.pattern == TargetPattern::kDiscs ? "discs" : "corners";

@@ -309,6 +309,14 @@ void Occluders::Facing(const Vector3d& eye, std::vector<const std::array<Vector3
       if (Toward(t, eye)) out.push_back(&t);
 }
 
+std::vector<Occluders> OthersOf(std::span<const WorldSolid> solids) {
+  std::vector<Occluders> out(solids.size());
+  for (std::size_t i = 0; i < solids.size(); ++i)
+    for (std::size_t k = 0; k < solids.size(); ++k)
+      if (k != i) out[i].Add(solids[k], static_cast<int>(k));
+  return out;
+}
+
 std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& view,
                                          const ContourSampling& sampling, const Occluders* others) {
   constexpr std::size_t kUsual = 6;  // samples of a contour that shows

@@ -50,6 +50,9 @@ class Occluders {
   std::vector<Body> bodies_;
 };
 
+// For each solid all others.
+std::vector<Occluders> OthersOf(std::span<const WorldSolid> solids);
+
 // How a contour is sampled.
 struct ContourSampling {
   double spacing_px = 6;

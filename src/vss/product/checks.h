@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "vss/reconstruct/contour_pieces.h"
+
 namespace vss {
 
 // How well one contour of a part was met in one picture.
@@ -18,6 +20,7 @@ struct ContourResidual {
   double mean_px = 0, rms_px = 0;  // measured less predicted, across the contour
   int num_points = 0;
   bool used = true;  // false: too far off
+  bool shadowed = false;  // in this picture the part's shadow may lie behind it
 };
 
 struct Straightness {
@@ -54,9 +57,8 @@ struct SurveyChecks {
   std::vector<PictureCheck> pictures;
   std::vector<CameraCheck> cameras;
   ScaleCheck scale;
-  // Common error of an edge in a picture: free, contact, round, limb, shadowed
-  // (reconstruct/contour_pieces.h).
-  std::array<double, 5> systematic_px{};
+  // Common error of an edge in a picture, by ContourClass.
+  std::array<double, kNumContourClasses> systematic_px{};
 };
 
 }  // namespace vss

@@ -46,6 +46,7 @@ Json ContourResidualsJson(const Part& part, const std::vector<std::string>& file
                     {"rms_px", Rounded(r.rms_px, kRatioDigits)},
                     {"points", r.num_points}};
     if (!r.used) picture["used"] = false;
+    if (r.shadowed) picture["shadowed"] = true;
     out.back()["pictures"].push_back(std::move(picture));
   }
   return out;
@@ -99,11 +100,8 @@ Json ChecksJson(const SurveyChecks& checks, const std::vector<std::string>& file
   out["scale"] = {{"from", checks.scale.from},
                   {"correction_ppm", Significant(checks.scale.correction_ppm)},
                   {"sigma_ppm", Significant(checks.scale.sigma_ppm)}};
-  out["systematic_px"] = {{"free", Significant(checks.systematic_px[0])},
-                          {"contact", Significant(checks.systematic_px[1])},
-                          {"round", Significant(checks.systematic_px[2])},
-                          {"limb", Significant(checks.systematic_px[3])},
-                          {"shadowed", Significant(checks.systematic_px[4])}};
+  for (std::size_t c = 0; c < checks.systematic_px.size(); ++c)
+    out["systematic_px"][NameOf(static_cast<ContourClass>(c))] = Significant(checks.systematic_px[c]);
   return out;
 }
 

@@ -20,7 +20,7 @@ Part Sample() {
   part.covariance(6, 6) = 4;
   part.contour_residuals = {{"edge", 2, 0, "free", 0, 0.01, 0.05, 12, true},
                             {"edge", 2, 0, "free", 1, -0.4, 0.5, 9, false},
-                            {"limb", 1, -1, "round", 0, 0.02, 0.05, 3, true}};
+                            {"limb", 1, -1, "round", 0, 0.02, 0.05, 3, true, true}};
   part.straightness = {{2, 0.31, 0.1, 2}};
   part.observable = {true, true, true, true, false, false, false};
   part.singular_values = Eigen::Vector2d(900, 4);
@@ -37,6 +37,8 @@ TEST(ChecksJson, EveryPictureOfEveryContourIsWritten) {
   EXPECT_EQ(part["contours"][0]["pictures"][1]["image"], "images/b.png");
   EXPECT_EQ(part["contours"][0]["pictures"][1]["used"], false);
   EXPECT_EQ(part["contours"][1]["side"], -1);
+  EXPECT_EQ(part["contours"][1]["pictures"][0]["shadowed"], true);
+  EXPECT_FALSE(part["contours"][0]["pictures"][0].contains("shadowed"));
   EXPECT_EQ(part["straightness"][0]["bow"], 0.31);
   EXPECT_EQ(part["observability"]["observable"]["tilt_x"], false);
   EXPECT_EQ(part["observability"]["observable"]["length"], false);
@@ -70,6 +72,8 @@ TEST(ChecksJson, PicturesCamerasAndScaleAreWritten) {
   EXPECT_EQ(checks["cameras"][1]["image"], "images/a.png");
   EXPECT_EQ(checks["scale"]["from"], "gantry");
   EXPECT_EQ(checks["systematic_px"]["contact"], 0.1);
+  EXPECT_EQ(checks["systematic_px"].size(), 5u);
+  EXPECT_TRUE(checks["systematic_px"].contains("shadowed"));
 }
 
 }  // namespace

@@ -73,12 +73,16 @@ std::vector<PictureResidual> PictureResiduals(const ReconstructedPart& reconstru
 std::vector<ContourResidual> ContourResiduals(const ReconstructedPart& reconstructed,
                                               std::span<const View> views) {
   static const char* const contours[] = {"edge", "circle", "limb"};
-  static const char* const lies[] = {"free", "contact", "round", "limb"};
   std::vector<ContourResidual> out;
-  for (const auto& e : reconstructed.edges)
+  for (const auto& e : reconstructed.edges) {
+    // How it lies is the contour's own; a shadow behind it, the picture's.
+    const bool shadowed = e.edge_class == ContourClass::kShadowed;
+    const ContourClass own =
+        e.source == ContourSample::Source::kCircle ? ContourClass::kRound : ContourClass::kFree;
     out.push_back({contours[static_cast<std::size_t>(e.source)], e.index, e.limb_side,
-                   lies[static_cast<std::size_t>(e.edge_class)],
-                   views[static_cast<std::size_t>(e.view)].image, e.mean_px, e.rms_px, e.num_points, e.used});
+                   NameOf(shadowed ? own : e.edge_class), views[static_cast<std::size_t>(e.view)].image,
+                   e.mean_px, e.rms_px, e.num_points, e.used, shadowed});
+  }
   std::stable_sort(out.begin(), out.end(), [](const auto& a, const auto& b) {
     return std::tie(a.contour, a.index, a.side, a.image) < std::tie(b.contour, b.index, b.side, b.image);
   });

@@ -1,7 +1,6 @@
 #include "vss/reconstruct/adjustment.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -169,7 +168,7 @@ Adjustment::Layout Adjustment::MakeLayout() const {
   }
   for (const auto& c : cameras) {
     l.camera.push_back(l.size);
-    l.size += kPlaceSize + c.num_intrinsics;
+    l.size += kCameraPlaceSize + c.num_intrinsics;
   }
   for (std::size_t s = 0; s < stops.size(); ++s) {
     l.stop.push_back(l.size);
@@ -211,7 +210,7 @@ Adjustment::Term Adjustment::TermOf(const ObservationGroup& group, const WorldSo
   const bool has_stop = stop_of_view_[v] >= 0;
   std::vector<int> at;
   for (int i = 0; i < state; ++i) at.push_back(layout_.part[p] + i);
-  for (int i = 0; i < kPlaceSize + intrinsics; ++i) at.push_back(layout_.camera[c] + i);
+  for (int i = 0; i < kCameraPlaceSize + intrinsics; ++i) at.push_back(layout_.camera[c] + i);
   at.push_back(layout_.bias[p].at(group.BiasKey()));
   if (has_stop)
     for (int i = 0; i < 3; ++i) at.push_back(layout_.stop[static_cast<std::size_t>(stop_of_view_[v])] + i);
@@ -232,9 +231,9 @@ Adjustment::Term Adjustment::TermOf(const ObservationGroup& group, const WorldSo
     j.segment<3>(state) = -(n_by_cam * CrossMatrix(q)).transpose();
     j.segment<3>(state + 3) = -n_by_world.transpose();
     if (intrinsics > 0)
-      j.segment(state + kPlaceSize, intrinsics) =
+      j.segment(state + kCameraPlaceSize, intrinsics) =
           (o.normal.transpose() * ImgByIntrinsics(k, q, *img, intrinsics)).transpose();
-    Eigen::Index next = state + kPlaceSize + intrinsics;
+    Eigen::Index next = state + kCameraPlaceSize + intrinsics;
     j[next++] = BiasShift(parts[p], group, solid, o, n_by_world);
     if (has_stop) {
       j.segment<3>(next) = -n_by_world.transpose();

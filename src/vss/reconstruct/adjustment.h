@@ -70,7 +70,7 @@ struct AdjustedPart {
 };
 inline constexpr int kLoose = -2;
 
-inline constexpr int kPlaceSize = 6;  // rotation and centre of a camera
+inline constexpr int kCameraPlaceSize = 6;  // rotation and centre of a camera
 
 // A camera that hangs on the carriage or stands still, or one hand-held picture. Unknowns: rotation (rad,
 // cam, exp(w) R), shift of the centre (mm, world), then intrinsics fx fy cx cy and distortion where
@@ -97,10 +97,9 @@ struct AdjustmentOptions {
   double contact_sigma_mm = 0.1;
   // What may pull a contour in all pictures alike, by class; and an edge of short pieces, px * px^2.
   std::array<double, kNumContourClasses> bias_px{0.02, 0.2, 0.05, 0.5, 0.35};
-  // And what is added to that where another contour is so near that their steps run into each other
-  // (accuracy_pulls).
-  double near_blurs = 3;
-  std::array<double, kNumContourClasses> near_bias_px{0.08, 0.4, 0.08, 0.1, 0.1};
+  // That many times as much where another contour lies nearer than so many blurs: their steps run into each
+  // other (accuracy_pulls).
+  double near_factor = 2.5, near_blurs = 3;
   double short_edge_bias = 0.15;
   double single_view_bias_px = 0.2;  // a contour that one picture alone measured: nothing checks it
   double stop_sigma_mm = 0.15;

@@ -13,8 +13,8 @@ using Eigen::VectorXd;
 // dt).
 MatrixXd FromCalibration(const Camera& camera, int num_intrinsics, const MatrixXd& place_prior) {
   const MatrixXd& q = camera.quality->covariance;
-  const bool has_place = q.rows() == num_intrinsics + kPlaceSize && camera.cam_from_world;
-  MatrixXd map = MatrixXd::Zero(kPlaceSize + num_intrinsics, q.rows());
+  const bool has_place = q.rows() == num_intrinsics + kCameraPlaceSize && camera.cam_from_world;
+  MatrixXd map = MatrixXd::Zero(kCameraPlaceSize + num_intrinsics, q.rows());
   map.bottomLeftCorner(num_intrinsics, num_intrinsics).setIdentity();
   if (has_place) {
     const Matrix3d& r = camera.cam_from_world->rotation;
@@ -23,12 +23,12 @@ MatrixXd FromCalibration(const Camera& camera, int num_intrinsics, const MatrixX
     map.block<3, 3>(3, num_intrinsics + 3) = -r.transpose();
   }
   MatrixXd out = map * q * map.transpose();
-  if (!has_place) out.topLeftCorner(kPlaceSize, kPlaceSize) = place_prior;
+  if (!has_place) out.topLeftCorner(kCameraPlaceSize, kCameraPlaceSize) = place_prior;
   // So that what the calibration held fixed stays (nearly) fixed.
   VectorXd least = VectorXd::Constant(out.rows(), 1e-7);
   least.head<3>().setConstant(1e-7);
   least.segment<3>(3).setConstant(1e-4);
-  least.segment<4>(kPlaceSize).setConstant(1e-4);
+  least.segment<4>(kCameraPlaceSize).setConstant(1e-4);
   out.diagonal() += least.cwiseAbs2();
   return out;
 }
@@ -46,7 +46,7 @@ std::vector<AdjustedCamera> MakeCameras(std::span<const View> views, const Prior
     if (!mine) {
       AdjustedCamera c;
       c.camera = views[v].camera;
-      MatrixXd place = MatrixXd::Zero(kPlaceSize, kPlaceSize);
+      MatrixXd place = MatrixXd::Zero(kCameraPlaceSize, kCameraPlaceSize);
       const double r = carried ? o.camera_rotation_sigma_rad : o.picture_rotation_sigma_rad;
       const double t = carried ? o.camera_position_sigma_mm : o.picture_position_sigma_mm;
       place.diagonal() << r * r, r * r, r * r, t * t, t * t, t * t;
@@ -58,9 +58,9 @@ std::vector<AdjustedCamera> MakeCameras(std::span<const View> views, const Prior
       if (carried && quality && quality->covariance.rows() >= intrinsics) {
         c.num_intrinsics = intrinsics;
         c.prior_covariance = FromCalibration(*c.camera, intrinsics, place);
-        c.prior_from_calibration = quality->covariance.rows() == intrinsics + kPlaceSize;
+        c.prior_from_calibration = quality->covariance.rows() == intrinsics + kCameraPlaceSize;
       }
-      c.value = VectorXd::Zero(kPlaceSize + c.num_intrinsics);
+      c.value = VectorXd::Zero(kCameraPlaceSize + c.num_intrinsics);
       cameras.push_back(std::move(c));
       mine = &cameras.back();
     }

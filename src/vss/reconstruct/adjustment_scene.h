@@ -59,7 +59,6 @@ struct Scene {
     AdjustmentOptions options;
     options.ground_sigma_mm = options.contact_sigma_mm = 0.01;
     options.bias_px.fill(1e-3);  // the simulation has none
-    options.near_bias_px.fill(0);
     options.short_edge_bias = 0;
     PriorOptions priors{5e-5, 0.1, 0, 0};
     return Adjustment(views, parts, MakeCameras(views, priors), MakeStops(views), options);
@@ -72,9 +71,7 @@ inline void Observe(const Adjustment& truth, double sigma, std::mt19937& random,
   std::normal_distribution<double> noise(0, sigma);
   std::vector<WorldSolid> solids;
   for (const auto& p : truth.parts) solids.push_back(PlaceSolid(p.object, false));
-  std::vector<Occluders> others(solids.size());
-  others[0].Add(solids[1], 1);
-  others[1].Add(solids[0], 0);
+  const auto others = OthersOf(solids);
   const auto views = truth.AdjustedViews();
   for (std::size_t v = 0; v < views.size(); ++v) {
     std::map<std::pair<int, int>, std::size_t> index;

@@ -1,8 +1,10 @@
 // What the adjustment learns from its residuals: robust weights, how far shading pulls each class of edge and
 // each contour, and how far the priors of cameras and stops are believed.
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
+#include "vss/base/median.h"
 #include "vss/reconstruct/adjustment.h"
 
 namespace vss {
@@ -21,12 +23,6 @@ constexpr double kContourGroups = 3;  // and so many in a contour's being like i
 // Half of what pulls a contour in single pictures pulls it in all: lamps and cameras travel together.
 constexpr double kPulledAlike = 0.5;
 constexpr double kQuantile = 0.75, kChiSquareAtQuantile = 1.3233;  // of one degree of freedom
-
-double Median(std::vector<double> v) {
-  const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
-  std::nth_element(v.begin(), middle, v.end());
-  return *middle;
-}
 
 double TukeyWeight(double z) {
   const double q = z / kTukey;
@@ -91,9 +87,8 @@ void Adjustment::PrepareBiases() {
     const auto of_class = static_cast<std::size_t>(classes[key]);
     const bool near = Median(neighbours[key]) < options.near_blurs;
     part.bias_px.insert({key.second, 0.0});
-    const double own = options.bias_px[of_class];
-    part.bias_prior_px[key.second] = std::hypot(own, near ? options.near_bias_px[of_class] : 0,
-                                                options.short_edge_bias / (length * length));
+    const double own = options.bias_px[of_class] * (near ? options.near_factor : 1);
+    part.bias_prior_px[key.second] = std::hypot(own, options.short_edge_bias / (length * length));
   }
   for (auto& part : parts)
     std::erase_if(part.bias_px, [&](const auto& b) { return !part.bias_prior_px.contains(b.first); });

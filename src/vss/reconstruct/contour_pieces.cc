@@ -363,6 +363,22 @@ class Cutter {
 
 }  // namespace
 
+const char* NameOf(ContourClass edge_class) {
+  switch (edge_class) {
+    case ContourClass::kFree:
+      return "free";
+    case ContourClass::kContact:
+      return "contact";
+    case ContourClass::kRound:
+      return "round";
+    case ContourClass::kLimb:
+      return "limb";
+    case ContourClass::kShadowed:
+      return "shadowed";
+  }
+  return "";
+}
+
 std::vector<ContourPiece> CutContour(std::span<const WorldSolid> solids, std::span<const Occluders> occluders,
                                      const View& view, const PieceOptions& options) {
   return Cutter(solids, occluders, view, options).Pieces();

@@ -22,6 +22,8 @@ enum class ContourClass {
   kShadowed,
 };
 inline constexpr int kNumContourClasses = 5;
+// "free", "contact", "round", "limb", "shadowed": as product.json has it.
+const char* NameOf(ContourClass edge_class);
 
 struct ContourPiece {
   int part = 0;

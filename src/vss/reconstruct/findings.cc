@@ -6,6 +6,7 @@
 #include <map>
 #include <tuple>
 
+#include "vss/base/median.h"
 #include "vss/reconstruct/edge_bow.h"
 
 namespace vss {
@@ -52,12 +53,6 @@ EdgeResidual ResidualOf(const ObservationGroup& g) {
   e.num_points = static_cast<int>(n);
   e.used = g.weight > 0 && n > 0;
   return e;
-}
-
-double Median(std::vector<double> v) {
-  const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
-  std::nth_element(v.begin(), middle, v.end());
-  return *middle;
 }
 
 // Root mean square of the edges' means; remarks on edges that lie off in most of their pictures.

@@ -5,6 +5,8 @@
 #include <map>
 #include <optional>
 
+#include "vss/base/median.h"
+
 namespace vss {
 namespace {
 
@@ -56,12 +58,24 @@ void SetShadowedApart(std::vector<ObservationGroup>& groups) {
 // exactly where it should be, half against it for none within reach; steps anywhere, as texture has them,
 // speak neither for nor against.
 double SupportOf(const ContourPiece& piece, const std::optional<ProfileFit>& fit, double search_px) {
-  constexpr double kSpread = 1.5;  // so that offsets that are spread evenly over the reach add up to nothing
+  constexpr double kSpread = 16 / 9.0;  // so that offsets spread evenly over the reach add up to nothing
   const double off = fit ? fit->offset_px / search_px : 1;
   return (0.5 - std::min(1.0, kSpread * off * off)) * 2 * piece.half_length_px;
 }
 
 }  // namespace
+
+PictureState StateBefore(const View& view) {
+  constexpr double kSharpestPx = 0.4, kBluntestPx = 4;
+  PictureState state;
+  if (!view.lines) return state;
+  std::vector<double> blurs;
+  for (const auto& l : view.lines->segments)
+    if (l.blur_px > 0) blurs.push_back(l.blur_px);
+  state.blur_px = std::clamp(Median(blurs, state.blur_px), kSharpestPx, kBluntestPx);
+  state.noise = view.lines->noise_sigma;
+  return state;
+}
 
 Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occluders> others, const View& view,
                      int view_index, const GreyView& picture, const PictureState& state,

@@ -14,6 +14,9 @@ struct PictureState {
   double slope_sigma = kAnySlope;  // how light changes beside edges, of their contrast per px
 };
 
+// Before anything is measured: blur and noise of the view's line image, where it has one.
+PictureState StateBefore(const View& view);
+
 // What one picture gave.
 struct Measured {
   std::vector<ObservationGroup> groups;

@@ -1,12 +1,11 @@
 #include "vss/reconstruct/reconstruct.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
+#include "vss/base/median.h"
 #include "vss/base/parallel.h"
-#include "vss/identify/weigh.h"
+#include "vss/identify/view.h"
 #include "vss/reconstruct/adjustment.h"
 #include "vss/reconstruct/coarse_fit.h"
 #include "vss/reconstruct/findings.h"
@@ -33,26 +32,10 @@ constexpr double kMinTiltRad = 0.003;    // a part that leans less stands straig
 constexpr double kTiltChiSquare = 18.4;  // two degrees of freedom, 1 in 10000
 constexpr double kReconsiderPx = 1.2;    // an edge is looked for that far from where a dimension has it
 
-double Median(std::vector<double> v, double otherwise) {
-  if (v.empty()) return otherwise;
-  const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
-  std::nth_element(v.begin(), middle, v.end());
-  return *middle;
-}
-
 std::vector<WorldSolid> PlaceAll(const std::vector<AdjustedPart>& parts) {
   std::vector<WorldSolid> solids;
   for (const auto& p : parts) solids.push_back(PlaceSolid(p.object, false));
   return solids;
-}
-
-// For each part the solids of all others.
-std::vector<Occluders> OthersOf(std::span<const WorldSolid> solids) {
-  std::vector<Occluders> out(solids.size());
-  for (std::size_t i = 0; i < solids.size(); ++i)
-    for (std::size_t k = 0; k < solids.size(); ++k)
-      if (k != i) out[i].Add(solids[k], static_cast<int>(k));
-  return out;
 }
 
 class Reconstructor {
@@ -66,17 +49,7 @@ class Reconstructor {
         options_(options),
         threads_(threads),
         progress_(progress) {
-    for (std::size_t v = 0; v < views.size(); ++v) {
-      PictureState s;
-      if (views[v].lines) {
-        std::vector<double> blurs;
-        for (const auto& l : views[v].lines->segments)
-          if (l.blur_px > 0) blurs.push_back(l.blur_px);
-        s.blur_px = std::clamp(Median(blurs, s.blur_px), 0.4, 4.0);
-        s.noise = views[v].lines->noise_sigma;
-      }
-      states_.push_back(s);
-    }
+    for (const auto& view : views) states_.push_back(StateBefore(view));
   }
 
   Result<Reconstruction> Run() {
