@@ -13,7 +13,7 @@ struct SimulateArguments {
   std::string scene, out;
   std::optional<std::uint64_t> seed;
   std::optional<int> parts;
-  std::string layout;
+  std::string layout, rig = "carriage";
   bool clutter = false, tidy = false;
   double min_thickness_mm = RandomSceneOptions{}.min_thickness_mm;
 };
@@ -31,6 +31,7 @@ Result<LoadedScene> SceneOf(const SimulateArguments& a) {
   if (!a.layout.empty()) {
     VSS_ASSIGN(options.layout, LayoutNamed(a.layout));
   }
+  VSS_ASSIGN(options.rig.rig, RigNamed(a.rig));
   LoadedScene loaded;
   VSS_ASSIGN(loaded.knowledge, LoadKnowledge({}, "."));
   VSS_ASSIGN(loaded.scene, DrawRandomScene(options, loaded.knowledge));
@@ -58,6 +59,9 @@ const Registration registration([](CLI::App& app, Common& common) {
       ->check(CLI::Range(0, 200));
   command->add_option("--layout", a->layout, "mixed, panel, stacked, round or bare (left out: drawn)")
       ->check(CLI::IsMember({"mixed", "panel", "stacked", "round", "bare"}));
+  command->add_option("--rig", a->rig, "What takes the pictures: carriage, crane, fixed or hand-held")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"carriage", "crane", "fixed", "hand-held"}));
   auto* clutter =
       command->add_flag("--clutter", a->clutter, "With cables, painted lines, stones, offcuts and rust");
   command->add_flag("--tidy", a->tidy, "Without them (neither given: drawn)")->excludes(clutter);

@@ -133,7 +133,7 @@ int main(int argc, char** argv) {
     RandomSceneOptions options;
     options.seed = static_cast<std::uint64_t>(first) + i;
     options.num_parts = 5;
-    options.stops = {2, 1};
+    options.rig.stops = {2, 1};
     const SimulatedScene scene = OrStop(DrawRandomScene(options, knowledge));
     std::vector<Camera> cameras;
     for (const auto& c : scene.cameras) cameras.push_back(c.camera);

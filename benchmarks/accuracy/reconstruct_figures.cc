@@ -263,7 +263,7 @@ class Studies {
     options.seed = 12;
     options.num_parts = 12;
     options.clutter = false;
-    options.stops = {7, 2};
+    options.rig.stops = {7, 2};
     const SimulatedScene scene = OrStop(DrawRandomScene(options, knowledge_));
     std::vector<Camera> cameras;
     for (const auto& c : scene.cameras) cameras.push_back(c.camera);

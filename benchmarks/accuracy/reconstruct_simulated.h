@@ -63,7 +63,7 @@ inline SimulatedScene DrawPlainScene(std::uint64_t seed, const KnowledgeBase& kn
   options.layout = Layout::kMixed;
   options.num_parts = 4;
   options.clutter = false;
-  options.stops = {2, 1};
+  options.rig.stops = {2, 1};
   SimulatedScene scene = OrStop(DrawRandomScene(options, knowledge));
   std::erase_if(scene.parts, [](const auto& p) { return p.stands_on != "ground"; });
   scene.ground = {0.1, 0, 0, 0};
@@ -251,7 +251,7 @@ inline nlohmann::json CalibratedTrial(std::uint64_t seed, const KnowledgeBase& k
   RandomSceneOptions options;
   options.seed = seed;
   options.num_parts = 5;
-  options.stops = {2, 1};
+  options.rig.stops = {2, 1};
   SimulatedScene scene = OrStop(DrawRandomScene(options, knowledge));
   std::mt19937 random(static_cast<unsigned>(seed));
   for (std::size_t c = 0; c < scene.cameras.size(); ++c)

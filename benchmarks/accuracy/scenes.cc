@@ -4,7 +4,7 @@
 //
 //   accuracy_scenes OUT [--scenes N] [--first SEED] [--threads N] [--layout mixed|panel|stacked|round|bare]
 //   [--clutter | --tidy]
-//                   [--parts N] [--min-thickness MM] [--without KIND] [--ablate scene|contact|top-down]
+//                   [--rig carriage|crane|fixed|hand-held] [--parts N] [--min-thickness MM] [--without KIND] [--ablate scene|contact|top-down]
 //                   [--keep all|failed|none] [--set NAME=VALUE]...
 //
 // --ablate: identification does without the decision over the whole scene, without what parts say of each
@@ -75,6 +75,8 @@ Arguments Parse(int argc, char** argv) {
       a.keep = next();
     else if (s == "--layout")
       a.said += s + " " + next() + " ", a.options.layout = OrStop(LayoutNamed(argv[i]));
+    else if (s == "--rig")
+      a.said += s + " " + next() + " ", a.options.rig.rig = OrStop(RigNamed(argv[i]));
     else if (s == "--clutter" || s == "--tidy")
       a.said += s + " ", a.options.clutter = s == "--clutter";
     else if (s == "--parts")

@@ -15,8 +15,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kStopX_mm = 2000, kStopY_mm = 1800, kFirstY_mm = 600;
-
 Vector2d Turned(const Vector2d& v, double yaw) { return Eigen::Rotation2Dd(yaw) * v; }
 
 // A rectangle on the floor or on a plate that something stands in.
@@ -45,7 +43,11 @@ bool Apart(const Footprint& a, const Footprint& b, double gap_mm) {
 class SceneDrawer {
  public:
   SceneDrawer(const RandomSceneOptions& options, const KnowledgeBase& knowledge)
-      : options_(options), knowledge_(knowledge), random_(options.seed) {}
+      : options_(options),
+        knowledge_(knowledge),
+        random_(options.seed),
+        area_min_(Floor(options.rig.stops).min()),
+        area_max_(Floor(options.rig.stops).max()) {}
 
   Result<SimulatedScene> Run() {
     for (const char* kind : {"box", "angle", "tee", "i_beam", "channel", "bracket", "holed_plate", "pipe"})
@@ -63,11 +65,7 @@ class SceneDrawer {
         fmt::format("random {}, {}{}", options_.seed, kNames[int(layout_)], clutter_ ? ", clutter" : "");
     const int drawn = random_.Integer(5, 15);
     wanted_ = layout_ == Layout::kBare ? 0 : options_.num_parts.value_or(drawn);
-    AddRandomRig(options_.seed, options_.stops, options_.size_px, scene_);
-    area_min_ = {-200, kFirstY_mm - 800};
-    area_max_ = {kStopX_mm * (options_.stops.x() - 1) + 200,
-                 kFirstY_mm + kStopY_mm * (options_.stops.y() - 1) + 800};
-    if (options_.stops.x() == 1) area_min_.x() = -900, area_max_.x() = 900;
+    AddRandomRig(options_.seed, options_.rig, scene_);
     DrawSurfaces();
     if (layout_ == Layout::kPanel) AddPanel();
     if (layout_ == Layout::kStacked) AddPlates();
@@ -450,7 +448,7 @@ class SceneDrawer {
   bool clutter_ = false;
   int wanted_ = 0;
   double steel_albedo_ = 0.4, steel_grain_ = 0.05, steel_patches_ = 0, steel_gloss_ = 0;
-  Vector2d area_min_ = Vector2d::Zero(), area_max_ = Vector2d::Zero();
+  Vector2d area_min_, area_max_;  // where parts may lie
   std::vector<Standing> standing_;
 };
 
@@ -476,87 +474,6 @@ double TopOf(const PlacedObject& object) {
     for (const auto& t : f.triangles)
       for (const auto& p : t) top = std::max(top, p.z());
   return top;
-}
-
-RigidTransform CarriageCamera(double side_rad, double out_mm, double height_mm, double tilt_rad,
-                              double roll_rad) {
-  const Vector3d outwards(std::cos(side_rad), std::sin(side_rad), 0);
-  const Vector3d forward = -std::sin(tilt_rad) * outwards - std::cos(tilt_rad) * Vector3d::UnitZ();
-  const Vector3d level = Vector3d::UnitZ().cross(outwards), down = forward.cross(level);
-  RigidTransform place;
-  place.rotation.row(0) = (std::cos(roll_rad) * level + std::sin(roll_rad) * down).transpose();
-  place.rotation.row(1) = (std::cos(roll_rad) * down - std::sin(roll_rad) * level).transpose();
-  place.rotation.row(2) = forward.transpose();
-  place.translation = -(place.rotation * (out_mm * outwards + height_mm * Vector3d::UnitZ()));
-  return place;
-}
-
-void AddStops(const std::vector<double>& stops_x, const std::vector<double>& stops_y, double stop_error_mm,
-              SimulatedScene& scene) {
-  Random random(scene.seed + 77);
-  for (const double x : stops_x)
-    for (const double y : stops_y) {
-      const Vector3d g(x, y, 0);
-      Vector3d error;
-      for (double& e : error) e = stop_error_mm * random.Normal();
-      for (std::size_t k = 0; k < scene.cameras.size(); ++k) {
-        ScenePicture p;
-        p.name = fmt::format("x{:05}_y{:05}_{}", std::lround(x), std::lround(y), scene.cameras[k].camera.id);
-        p.camera = static_cast<int>(k);
-        p.gantry_mm = p.carriage_mm = g;
-        p.cam_from_world = Gantry{}.CamFromWorld(scene.cameras[k].camera, g);
-        p.stop_error_mm = error;
-        scene.pictures.push_back(std::move(p));
-      }
-    }
-}
-
-void AddRandomRig(std::uint64_t seed, const Eigen::Vector2i& stops, int size_px, SimulatedScene& scene) {
-  Random random(seed ^ 0x5157ULL);  // its own stream: the same rig whatever stands on the floor
-  const double scale = size_px / 512.0;
-  const bool strong_lens = random.Chance(0.3);
-  for (int k = 0; k < 4; ++k) {
-    SceneCamera c;
-    c.camera.id = fmt::format("cam{}", k + 1);
-    c.camera.width_px = c.camera.height_px = size_px;
-    Intrinsics& lens = c.camera.intrinsics;
-    lens.model = LensModel::kOpenCv;
-    lens.fx_px = scale * random.Uniform(500, 540);
-    lens.fy_px = random.Chance(0.5) ? lens.fx_px : lens.fx_px * random.Uniform(0.98, 1.02);
-    lens.cx_px = (size_px - 1) / 2.0 + scale * random.Uniform(-6, 6);
-    lens.cy_px = (size_px - 1) / 2.0 + scale * random.Uniform(-6, 6);
-    lens.distortion = {strong_lens ? random.Uniform(-0.17, -0.13) : random.Uniform(-0.07, -0.045),
-                       random.Uniform(0.003, 0.015), random.Uniform(-8e-4, 8e-4), random.Uniform(-8e-4, 8e-4),
-                       0};
-    lens.num_distortion = 5;
-    // It hangs towards one side of the carriage and looks inwards and down; the picture's top may be on any
-    // side.
-    const double side = kPi * (k / 2 * 0.5 + k % 2), out = random.Uniform(850, 1020),
-                 height = random.Uniform(2950, 3080);
-    const double tilt = RadFromDeg(random.Uniform(18.5, 24.5)),
-                 swing = side + RadFromDeg(random.Uniform(-2.5, 2.5));
-    const double roll = kPi / 2 * random.Integer(0, 3) + RadFromDeg(random.Uniform(-4, 4));
-    c.camera.cam_from_world = CarriageCamera(swing, out, height, tilt, roll);
-    c.blur_px = random.Uniform(0.45, 0.65);
-    c.read_noise = random.Uniform(0.7, 1.1);
-    c.shot_noise = random.Uniform(0.05, 0.09);
-    c.vignetting = random.Uniform(0.05, 0.25);
-    scene.cameras.push_back(std::move(c));
-  }
-  std::vector<double> stops_x, stops_y;
-  for (int i = 0; i < stops.x(); ++i) stops_x.push_back(kStopX_mm * i);
-  for (int i = 0; i < stops.y(); ++i) stops_y.push_back(kFirstY_mm + kStopY_mm * i);
-  AddStops(stops_x, stops_y, 0, scene);
-  const int lamps = random.Integer(2, 4);
-  for (int k = 0; k < lamps; ++k) {
-    const double angle = 2 * kPi * (k + random.Uniform(-0.2, 0.2)) / lamps + 0.5,
-                 out = random.Uniform(700, 1500);
-    scene.lamps.push_back({{out * std::cos(angle), out * std::sin(angle), random.Uniform(2500, 3300)},
-                           random.Uniform(50, 250),
-                           random.Uniform(0.6, 1.2) / lamps * 2,
-                           true});
-  }
-  scene.ambient = random.Uniform(0.12, 0.4);
 }
 
 }  // namespace vss

@@ -138,7 +138,7 @@ class SceneReader {
     const TomlValue* table = file_.Find("random");
     if (table) {
       VSS_RETURN_IF_ERROR(OnlyThese(
-          *table, {"seed", "layout", "parts", "clutter", "min_thickness", "stops", "size", "kinds"}));
+          *table, {"seed", "layout", "parts", "clutter", "min_thickness", "rig", "stops", "size", "kinds"}));
       RandomSceneOptions options;
       VSS_ASSIGN(const TomlValue* seed, table->Get("seed", "seed = 1"));
       VSS_ASSIGN(options.seed, seed->AsInteger(0, 2147483647));
@@ -156,15 +156,21 @@ class SceneReader {
         options.clutter = yes != 0;
       }
       VSS_RETURN_IF_ERROR(ReadNumber(*table, "min_thickness", 3, 60, options.min_thickness_mm));
+      if (const TomlValue* rig = table->Find("rig")) {
+        VSS_ASSIGN(const std::string name, rig->AsText());
+        const auto named = RigNamed(name);
+        if (!named) return rig->Complain("is \"" + name + "\"; " + named.error().message);
+        options.rig.rig = *named;
+      }
       if (const TomlValue* stops = table->Find("stops")) {
         VSS_ASSIGN(const Eigen::VectorXd n, stops->AsVector(2));
-        options.stops = n.cast<int>();
-        if (options.stops.minCoeff() < 1 || options.stops.maxCoeff() > 1000)
+        options.rig.stops = n.cast<int>();
+        if (options.rig.stops.minCoeff() < 1 || options.rig.stops.maxCoeff() > 1000)
           return stops->Complain(
               "must be two numbers from 1 to 1000: how often the carriage stops along x and y");
       }
       if (const TomlValue* size = table->Find("size")) {
-        VSS_ASSIGN(options.size_px, size->AsInteger(32, 8192));
+        VSS_ASSIGN(options.rig.size_px, size->AsInteger(32, 8192));
       }
       if (const TomlValue* kinds = table->Find("kinds")) {
         VSS_ASSIGN(options.kinds, kinds->AsTexts());

@@ -38,7 +38,7 @@ ScenePart MakePart(const std::string& kind, std::vector<double> dimensions_mm, d
 // A dark floor, even light from above, no noise: one camera with a bent lens 3 m up, tilted by 20 degrees.
 SimulatedScene PlainScene() {
   SimulatedScene scene;
-  AddRandomRig(3, {1, 1}, 512, scene);
+  AddRandomRig(3, {.stops = {1, 1}}, scene);
   scene.pictures.resize(1);
   scene.lamps.clear();
   scene.ground = {0.1, 0, 0, 0};
@@ -222,8 +222,8 @@ TEST(Shadows, AHoleLetsTheLightThrough) {
 TEST(Simulate, TheSameSeedGivesTheSameBytesWithAnyNumberOfThreads) {
   RandomSceneOptions options;
   options.seed = 5;
-  options.stops = {1, 1};
-  options.size_px = 128;
+  options.rig.stops = {1, 1};
+  options.rig.size_px = 128;
   options.num_parts = 4;
   options.clutter = true;
   const auto bytes = [&](int threads) {
@@ -302,8 +302,8 @@ TEST(RandomScene, WithoutPartsThereIsStillClutter) {
 
 TEST(Simulate, TheFolderReadsBackAsTheSurveyItIs) {
   RandomSceneOptions options;
-  options.stops = {1, 1};
-  options.size_px = 64;
+  options.rig.stops = {1, 1};
+  options.rig.size_px = 64;
   const SimulatedScene scene = *DrawRandomScene(options, Knowledge());
   const std::filesystem::path folder = std::filesystem::temp_directory_path() / "vss_simulate_test";
   std::filesystem::remove_all(folder);
