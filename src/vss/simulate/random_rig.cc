@@ -153,7 +153,7 @@ class RigDrawer {
 
   // Around the floor and along its middle, at every step a look to the left and one to the right.
   void HandHeld() {
-    constexpr double kStepMm = 1000;
+    constexpr double kStepMm = 900;
     SceneCamera c = Camera(1280, 0.75, 0.75, 0.9);
     Sensor(c);
     scene_.cameras.push_back(std::move(c));
