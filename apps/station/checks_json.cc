@@ -99,6 +99,12 @@ Json JsonOf(const SurveyChecks& checks, const std::vector<std::string>& files) {
                 {"sigma_ppm", checks.scale.sigma_ppm}}}};
   for (const auto& p : checks.pictures) out["pictures"].push_back(JsonOf(p, files));
   for (const auto& c : checks.cameras) out["cameras"].push_back(JsonOf(c, files));
+  if (const auto& g = checks.ground)
+    out["ground"] = {{"at", {g->at.x(), g->at.y()}},
+                     {"height", g->height_mm},
+                     {"sigma", g->sigma_mm},
+                     {"slope", {g->slope_mm_per_m.x(), g->slope_mm_per_m.y()}},
+                     {"slope_sigma", {g->slope_sigma_mm_per_m.x(), g->slope_sigma_mm_per_m.y()}}};
   return out;
 }
 
@@ -111,6 +117,14 @@ SurveyChecks SurveyChecksOf(const Json& json, const std::vector<std::string>& fi
                NumberOf(scale.at("sigma_ppm"))};
   for (std::size_t i = 0; i < out.systematic_px.size(); ++i)
     out.systematic_px[i] = NumberOf(json.at("systematic_px").at(i));
+  if (json.contains("ground")) {
+    const Json& g = json.at("ground");
+    const auto pair = [&](const char* name) {
+      return Eigen::Vector2d(NumberOf(g.at(name).at(0)), NumberOf(g.at(name).at(1)));
+    };
+    out.ground = {pair("at"), NumberOf(g.at("height")), NumberOf(g.at("sigma")), pair("slope"),
+                  pair("slope_sigma")};
+  }
   return out;
 }
 

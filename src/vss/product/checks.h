@@ -3,6 +3,7 @@
 #pragma once
 #include <Eigen/Core>
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,7 +20,7 @@ struct ContourResidual {
   int image = 0;
   double mean_px = 0, rms_px = 0;  // measured less predicted, across the contour
   int num_points = 0;
-  bool used = true;  // false: too far off
+  bool used = true;       // false: too far off
   bool shadowed = false;  // in this picture the part's shadow may lie behind it
 };
 
@@ -53,12 +54,20 @@ struct ScaleCheck {
   double correction_ppm = 0, sigma_ppm = 0;
 };
 
+// The plane that the workpiece stands on, where it is not z = 0.
+struct GroundCheck {
+  Eigen::Vector2d at = Eigen::Vector2d::Zero();  // mm, world: the middle of what stands on it
+  double height_mm = 0, sigma_mm = 0;            // there
+  Eigen::Vector2d slope_mm_per_m = Eigen::Vector2d::Zero(), slope_sigma_mm_per_m = Eigen::Vector2d::Zero();
+};
+
 struct SurveyChecks {
   std::vector<PictureCheck> pictures;
   std::vector<CameraCheck> cameras;
   ScaleCheck scale;
   // Common error of an edge in a picture, by ContourClass.
   std::array<double, kNumContourClasses> systematic_px{};
+  std::optional<GroundCheck> ground;
 };
 
 }  // namespace vss

@@ -100,6 +100,12 @@ Json ChecksJson(const SurveyChecks& checks, const std::vector<std::string>& file
   out["scale"] = {{"from", checks.scale.from},
                   {"correction_ppm", Significant(checks.scale.correction_ppm)},
                   {"sigma_ppm", Significant(checks.scale.sigma_ppm)}};
+  if (checks.ground)
+    out["ground"] = {{"at", ListOf(checks.ground->at, Significant)},
+                     {"height", Significant(checks.ground->height_mm)},
+                     {"sigma", Significant(checks.ground->sigma_mm)},
+                     {"slope_mm_per_m", ListOf(checks.ground->slope_mm_per_m, Significant)},
+                     {"slope_sigma_mm_per_m", ListOf(checks.ground->slope_sigma_mm_per_m, Significant)}};
   for (std::size_t c = 0; c < checks.systematic_px.size(); ++c)
     out["systematic_px"][NameOf(static_cast<ContourClass>(c))] = Significant(checks.systematic_px[c]);
   return out;

@@ -63,7 +63,8 @@ TEST(ChecksJson, PicturesCamerasAndScaleAreWritten) {
                    {{"cam1", -1, {0.3, 0, 0}, {0.01, 0.01, 0.01}, {1, 0, 0}, {0.1, 0.1, 0.1}, 90, true},
                     {"hand", 0, {}, {}, {}, {}, 0, false}},
                    {"gantry", 0, 40},
-                   {0.02, 0.1, 0.03}};
+                   {0.02, 0.1, 0.03},
+                   GroundCheck{{1200, 600}, 4.1, 0.2, {2, -1}, {0.1, 0.1}}};
   const Json checks = Json::parse(ProductToJson(product, kFiles))["checks"];
   EXPECT_EQ(checks["leave_one_out"][0]["image"], "images/b.png");
   EXPECT_EQ(checks["leave_one_out"][0]["outlying"], true);
@@ -71,6 +72,8 @@ TEST(ChecksJson, PicturesCamerasAndScaleAreWritten) {
   EXPECT_FALSE(checks["cameras"][0].contains("image"));
   EXPECT_EQ(checks["cameras"][1]["image"], "images/a.png");
   EXPECT_EQ(checks["scale"]["from"], "gantry");
+  EXPECT_EQ(checks["ground"]["height"], 4.1);
+  EXPECT_EQ(checks["ground"]["slope_mm_per_m"][1], -1);
   EXPECT_EQ(checks["systematic_px"]["contact"], 0.1);
   EXPECT_EQ(checks["systematic_px"].size(), 5u);
   EXPECT_TRUE(checks["systematic_px"].contains("shadowed"));

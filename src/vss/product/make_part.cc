@@ -104,6 +104,8 @@ SurveyChecks MakeChecks(const Reconstruction& reconstruction, std::span<const Vi
   const auto& scale = reconstruction.scale;
   out.scale = {scales[static_cast<std::size_t>(scale.from)], 1e6 * scale.correction, 1e6 * scale.sigma};
   out.systematic_px = reconstruction.systematic_px;
+  if (const auto& g = reconstruction.ground)
+    out.ground = {g->at, g->height_mm, g->sigma_mm, 1e3 * g->slope, 1e3 * g->slope_sigma};
   return out;
 }
 

@@ -102,6 +102,14 @@ std::string ScaleSentence(const ScaleCheck& scale) {
       std::isfinite(scale.sigma_ppm) ? fmt::format(" (&plusmn;{:.0f} ppm)", scale.sigma_ppm) : "");
 }
 
+std::string GroundSentence(const GroundCheck& ground) {
+  return fmt::format(
+      " The ground is not z = 0: at ({:.0f}, {:.0f}) it lies {:.2f} mm (&plusmn;{:.2f}) high, and rises by "
+      "{:.2f} mm (&plusmn;{:.2f}) per metre along x and {:.2f} mm (&plusmn;{:.2f}) along y.",
+      ground.at.x(), ground.at.y(), ground.height_mm, ground.sigma_mm, ground.slope_mm_per_m.x(),
+      ground.slope_sigma_mm_per_m.x(), ground.slope_mm_per_m.y(), ground.slope_sigma_mm_per_m.y());
+}
+
 }  // namespace
 
 std::string ContoursSection(const Product& product, const std::vector<std::string>& names) {
@@ -144,6 +152,7 @@ std::string ChecksSection(const Product& product, const std::vector<std::string>
     out +=
         fmt::format(" Lengths are given as at 20 &deg;C: what was measured at {:.1f} &deg;C, times {:.6f}.",
                     product.temperature->workpiece_c, product.temperature->factor);
+  if (checks.ground) out += GroundSentence(*checks.ground);
   out += "</p>";
   if (!cameras.empty())
     out +=

@@ -44,42 +44,6 @@ Vector3d SamplePoint(const WorldSolid& solid, const ContourSample& s) {
   return at + out.normalized() * rims[0]->radius_mm;
 }
 
-double LowestVertex(const WorldSolid& solid, const PlacedObject& object) {
-  if (object.placement[4] == 0 && object.placement[5] == 0) return object.placement[2];
-  double z = INFINITY;
-  for (const auto& v : solid.vertices) z = std::min(z, v.point.z());
-  return std::isfinite(z) ? z : object.placement[2];
-}
-
-double TopOf(const WorldSolid& solid, const PlacedObject& on_it) {
-  if (const auto top = TopUnder(solid, on_it.placement[0], on_it.placement[1], on_it.placement[2]))
-    return *top;
-  double z = 0;
-  for (const auto& v : solid.vertices) z = std::max(z, v.point.z());
-  for (const auto& c : solid.circles) z = std::max(z, c.center.point.z());
-  return z;
-}
-
-// Derivative by the state of a number that depends on a placed object; central differences.
-template <class F>
-Eigen::RowVectorXd ByState(const PlacedObject& object, const F& f) {
-  constexpr double kStepMm = 0.05, kStepRad = 1e-5;
-  const VectorXd x = object.State();
-  Eigen::RowVectorXd j(x.size());
-  for (Eigen::Index i = 0; i < x.size(); ++i) {
-    const double step = i >= 3 && i < kPlacementSize ? kStepRad : kStepMm;
-    PlacedObject moved = object;
-    VectorXd y = x;
-    y[i] = x[i] + step;
-    moved.SetState(y);
-    const double plus = f(moved);
-    y[i] = x[i] - step;
-    moved.SetState(y);
-    j[i] = (plus - f(moved)) / (2 * step);
-  }
-  return j;
-}
-
 // d img / d intrinsics (fx fy cx cy, distortion): 2 x n.
 MatrixXd ImgByIntrinsics(const Intrinsics& k, const Vector3d& p, const Vector2d& img, int n) {
   constexpr double kStep = 1e-5;  // of a distortion coefficient
@@ -166,6 +130,8 @@ Adjustment::Layout Adjustment::MakeLayout() const {
     l.bias.emplace_back();
     for (const auto& [contour, value] : parts[p].bias_px) l.bias.back()[contour] = l.size++;
   }
+  l.ground = l.size;
+  l.size += kGroundSize;
   for (const auto& c : cameras) {
     l.camera.push_back(l.size);
     l.size += kCameraPlaceSize + c.num_intrinsics;
@@ -302,37 +268,13 @@ void Adjustment::AddPriors(bool shared_free) {
   }
 }
 
-void Adjustment::AddTies() {
-  std::vector<WorldSolid> solids;
-  for (const auto& p : parts) solids.push_back(PlaceSolid(p.object, false));
-  for (std::size_t p = 0; p < parts.size(); ++p) {
-    const auto& part = parts[p];
-    if (part.stands_on == kLoose) continue;
-    VectorXd j = VectorXd::Zero(layout_.size);
-    j.segment(layout_.part[p], part.object.StateSize()) = ByState(part.object, [](const PlacedObject& o) {
-                                                            return LowestVertex(PlaceSolid(o, false), o);
-                                                          }).transpose();
-    double residual = LowestVertex(solids[p], part.object), sigma = options.ground_sigma_mm;
-    if (part.stands_on >= 0) {
-      const auto s = static_cast<std::size_t>(part.stands_on);
-      residual -= TopOf(solids[s], part.object);
-      sigma = options.contact_sigma_mm;
-      j.segment(layout_.part[s], parts[s].object.StateSize()) -=
-          ByState(parts[s].object, [&](const PlacedObject& o) {
-            return TopOf(PlaceSolid(o, false), part.object);
-          }).transpose();
-    }
-    h_.selfadjointView<Eigen::Lower>().rankUpdate(j, 1 / (sigma * sigma));
-    g_ -= residual / (sigma * sigma) * j;
-  }
-}
-
 std::vector<bool> Adjustment::Pinned(bool shared_free) const {
   std::vector<bool> pinned(static_cast<std::size_t>(layout_.size));
   for (std::size_t p = 0; p < parts.size(); ++p)
     for (std::size_t i = 0; i < parts[p].free.size(); ++i)
       pinned[static_cast<std::size_t>(layout_.part[p]) + i] = !parts[p].free[i];
-  const int first_shared = cameras.empty() ? layout_.size : layout_.camera[0];
+  for (int i = 0; i < kGroundSize; ++i) pinned[static_cast<std::size_t>(layout_.ground + i)] = !ground.free;
+  const int first_shared = layout_.ground + kGroundSize;
   for (int i = first_shared; i < layout_.size && !shared_free; ++i)
     pinned[static_cast<std::size_t>(i)] = true;
   return pinned;
@@ -383,6 +325,7 @@ void Adjustment::Apply(const VectorXd& step) {
     part.object.SetState(x);
     for (const auto& [contour, at] : layout_.bias[p]) part.bias_px[contour] += step[at];
   }
+  ground.value += step.segment<kGroundSize>(layout_.ground);
   for (std::size_t c = 0; c < cameras.size(); ++c)
     cameras[c].value += step.segment(layout_.camera[c], cameras[c].value.size());
   for (std::size_t s = 0; s < stops.size(); ++s) stops[s].value += step.segment<3>(layout_.stop[s]);

@@ -58,6 +58,7 @@ inline int ContourKey(const ContourSample& s) {
 struct AdjustedPart {
   PlacedObject object;
   int stands_on = -1;                        // index of a part, -1: the ground, kLoose: nothing known
+  bool leans = false;                        // against the ground's slope
   std::vector<bool> free;                    // of the state
   Eigen::VectorXd prior_value, prior_sigma;  // of the state: weak, so that the system always has one solution
   // What pulls a contour the same way in all pictures (chamfer, contact shadow), along the observations'
@@ -91,10 +92,22 @@ struct AdjustedStop {
   Eigen::Vector3d value = Eigen::Vector3d::Zero();  // mm, world
 };
 
+// The plane that the workpiece stands on: z = height + slope . (x, y). Fixed at z = 0 until it is freed; then
+// all parts that do not lean share its slope.
+inline constexpr int kGroundSize = 3;
+struct AdjustedGround {
+  bool free = false;
+  Eigen::Vector3d value = Eigen::Vector3d::Zero();  // height (mm) at the world's origin, slopes along x and y
+
+  double HeightAt(double x_mm, double y_mm) const { return value[0] + value[1] * x_mm + value[2] * y_mm; }
+  Eigen::Vector3d Normal() const { return Eigen::Vector3d(-value[1], -value[2], 1).normalized(); }
+};
+
 struct AdjustmentOptions {
   bool adjust_cameras = true;
   double ground_sigma_mm = 0.1;
   double contact_sigma_mm = 0.1;
+  double ground_height_sigma_mm = 50, ground_slope_sigma = 0.05;  // where it is free: weak
   // What may pull a contour in all pictures alike, by class; and an edge of short pieces, px * px^2.
   std::array<double, kNumContourClasses> bias_px{0.02, 0.2, 0.05, 0.5, 0.35};
   // That many times as much where another contour lies nearer than so many blurs: their steps run into each
@@ -119,6 +132,7 @@ class Adjustment {
   std::vector<AdjustedPart> parts;
   std::vector<AdjustedCamera> cameras;
   std::vector<AdjustedStop> stops;
+  AdjustedGround ground;
   std::vector<ObservationGroup> groups;
   std::array<double, kNumContourClasses> systematic_px;
   double camera_scale = 1, stop_scale = 1;  // of the priors' sigmas, estimated
@@ -135,18 +149,23 @@ class Adjustment {
   // Scales of priors that no calibration gave (Foerstner's estimate), then the covariance of everything.
   void EstimatePriorScales();
   void ComputeCovariance();
-  // Decrease of the weighted sum of squares, linearised, if the unknowns `state` of part i were free too.
+  // Decrease of the weighted sum of squares, linearised, if more unknowns were free.
   struct Gain {
     double chi_square = 0;
-    Eigen::VectorXd step;
+    Eigen::VectorXd step;  // of the part's state, of the ground
   };
-  Gain GainOfFreeing(int part, std::span<const int> state, double prior_sigma);
+  Eigen::VectorXd StepOf(int part);  // of its state, to the linearised solution
+  Gain GainOfLeaning(int part, double tilt_sigma_rad);
+  Gain GainOfFreeingGround();
+  void Lean(int part, double tilt_sigma_rad);
+  void FreeGround();
 
   // Blocks of the covariance; unknowns that are not free have zero rows.
   Eigen::MatrixXd PartCovariance(int part) const;
   Eigen::MatrixXd CameraCovariance(int camera) const;
   Eigen::Matrix3d StopCovariance(int stop) const;
-  double ScaleSigma() const;  // 0 where the scale is not an unknown
+  Eigen::Matrix3d GroundCovariance() const;  // zero where it is not free
+  double ScaleSigma() const;                 // 0 where the scale is not an unknown
   // How the parts' states would change without the observations of `view`, linearised at the solution, and
   // the standard deviation that such a change has. To be called after ComputeCovariance.
   struct Change {
@@ -161,6 +180,7 @@ class Adjustment {
   struct Layout {
     std::vector<int> part, camera, stop;   // offsets
     std::vector<std::map<int, int>> bias;  // per part: BiasKey -> offset
+    int ground = 0;
     int scale = -1;
     int size = 0;
   };
@@ -178,6 +198,10 @@ class Adjustment {
   Term TermOf(const ObservationGroup& group, const WorldSolid& solid, const std::vector<View>& views) const;
   void AddPriors(bool shared_free);
   void AddTies();
+  void AddTie(const Eigen::RowVectorXd& by_unknowns, double residual, double sigma);
+  void AddGroundPrior();
+  void AddSlopeTies(std::size_t part);
+  std::pair<double, Eigen::VectorXd> LinearisedStep();
   std::vector<bool> Pinned(bool shared_free) const;
   void Pin(bool shared_free);
   void Apply(const Eigen::VectorXd& step);

@@ -11,24 +11,45 @@ using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-Adjustment::Gain Adjustment::GainOfFreeing(int part, std::span<const int> state, double prior_sigma) {
+// The decrease of the weighted sum of squares by a step to the linearised solution, and the step.
+std::pair<double, VectorXd> Adjustment::LinearisedStep() {
+  Build(options.adjust_cameras);
+  VectorXd step = h_.selfadjointView<Eigen::Lower>().ldlt().solve(g_);
+  return {step.dot(g_), std::move(step)};
+}
+
+VectorXd Adjustment::StepOf(int part) {
+  UpdateResiduals();
+  UpdateWeights();
+  const VectorXd step = LinearisedStep().second;
+  const auto p = static_cast<std::size_t>(part);
+  return step.segment(layout_.part[p], parts[p].object.StateSize());
+}
+
+Adjustment::Gain Adjustment::GainOfLeaning(int part, double tilt_sigma_rad) {
   auto& p = parts[static_cast<std::size_t>(part)];
   UpdateResiduals();
   UpdateWeights();
-  auto gain = [&] {
-    Build(options.adjust_cameras);
-    const VectorXd step = h_.selfadjointView<Eigen::Lower>().ldlt().solve(g_);
-    return std::pair(step.dot(g_), step);
-  };
-  const double before = gain().first;
+  const double before = LinearisedStep().first;
   const AdjustedPart saved = p;
-  for (int i : state) {
-    p.free[static_cast<std::size_t>(i)] = true;
-    p.prior_sigma[i] = prior_sigma;
-  }
-  const auto [after, step] = gain();
+  Lean(part, tilt_sigma_rad);
+  const auto [after, step] = LinearisedStep();
   Gain out{after - before, step.segment(layout_.part[static_cast<std::size_t>(part)], p.object.StateSize())};
   p = saved;
+  return out;
+}
+
+Adjustment::Gain Adjustment::GainOfFreeingGround() {
+  UpdateResiduals();
+  UpdateWeights();
+  const double before = LinearisedStep().first;
+  const auto saved_parts = parts;
+  const auto saved_ground = ground;
+  FreeGround();
+  const auto [after, step] = LinearisedStep();
+  Gain out{after - before, step.segment<kGroundSize>(layout_.ground)};
+  parts = saved_parts;
+  ground = saved_ground;
   return out;
 }
 
@@ -50,6 +71,11 @@ MatrixXd Adjustment::CameraCovariance(int camera) const {
 Matrix3d Adjustment::StopCovariance(int stop) const {
   const int at = layout_.stop[static_cast<std::size_t>(stop)];
   return covariance_.block<3, 3>(at, at);
+}
+
+Matrix3d Adjustment::GroundCovariance() const {
+  if (!ground.free) return Matrix3d::Zero();
+  return covariance_.block<3, 3>(layout_.ground, layout_.ground);
 }
 
 double Adjustment::ScaleSigma() const {

@@ -143,7 +143,7 @@ TEST(Adjustment, TellsWhatAPictureChangesWithoutSolvingAnew) {
   without.ComputeCovariance();
   for (int p = 0; p < 2; ++p) {
     const auto& c = changes[static_cast<std::size_t>(p)];
-    const VectorXd step = without.GainOfFreeing(p, {}, 1).step;
+    const VectorXd step = without.StepOf(p);
     const VectorXd more = without.PartCovariance(p).diagonal() - a.PartCovariance(p).diagonal();
     for (Eigen::Index i = 0; i < step.size(); ++i) {
       if (i == 4 || i == 5) continue;

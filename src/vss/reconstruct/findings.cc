@@ -218,4 +218,26 @@ void AddScale(const Adjustment& a, double picture_sigma_mm, Reconstruction& out)
                     1e6 * a.scale, 1e6 * std::hypot(sigma, a.ScaleSigma())));
 }
 
+void AddGround(const Adjustment& a, Reconstruction& out) {
+  if (!a.ground.free) return;
+  GroundFinding ground;
+  double n = 0;
+  for (const auto& p : a.parts)
+    if (p.stands_on == -1) ground.at += p.object.placement.head<2>(), ++n;
+  if (n > 0) ground.at /= n;
+  const Eigen::Matrix3d c = a.GroundCovariance();
+  const Vector3d by_value(1, ground.at.x(), ground.at.y());
+  ground.height_mm = a.ground.HeightAt(ground.at.x(), ground.at.y());
+  ground.sigma_mm = std::sqrt(std::max(0.0, by_value.dot(c * by_value)));
+  ground.slope = a.ground.value.tail<2>();
+  ground.slope_sigma = c.diagonal().tail<2>().cwiseMax(0).cwiseSqrt();
+  out.warnings.push_back(fmt::format(
+      "the workpiece does not stand on z = 0: under its middle the ground lies at {:.2f} mm (+- {:.2f}) and "
+      "rises by {:.2f} mm (+- {:.2f}) per metre along x and {:.2f} mm (+- {:.2f}) along y; heights are given "
+      "in the world as it is: check the cameras' heights where the floor should be level",
+      ground.height_mm, ground.sigma_mm, 1e3 * ground.slope.x(), 1e3 * ground.slope_sigma.x(),
+      1e3 * ground.slope.y(), 1e3 * ground.slope_sigma.y()));
+  out.ground = ground;
+}
+
 }  // namespace vss

@@ -23,5 +23,7 @@ void AddInfluences(const Adjustment& adjustment, Reconstruction& out);
 // Notes what gives the scale: known lengths, else the longest way between two places of one camera. A warning
 // where known lengths contradict it. `picture_sigma_mm`: how well places of hand-held pictures are known.
 void AddScale(const Adjustment& adjustment, double picture_sigma_mm, Reconstruction& out);
+// The ground where it is not z = 0, and a warning that says so.
+void AddGround(const Adjustment& a, Reconstruction& out);
 
 }  // namespace vss

@@ -28,9 +28,11 @@ constexpr double kPriorPositionMm = 25, kPriorYawRad = 0.05, kPriorDimensionMm =
 constexpr double kKnownMm = 150, kKnownYawRad = 0.5;
 constexpr double kObservableGain =
     30;  // a dimension is observed where the pictures know it 30 times better than its range
-constexpr double kMinTiltRad = 0.003;    // a part that leans less stands straight
-constexpr double kTiltChiSquare = 18.4;  // two degrees of freedom, 1 in 10000
-constexpr double kReconsiderPx = 1.2;    // an edge is looked for that far from where a dimension has it
+constexpr double kMinTiltRad = 0.003;      // a part that leans less stands straight
+constexpr double kTiltChiSquare = 18.4;    // two degrees of freedom, 1 in 10000
+constexpr double kGroundChiSquare = 21.1;  // three degrees of freedom, 1 in 10000
+constexpr double kGroundSigmas = 3;        // of how well the ground is z = 0
+constexpr double kReconsiderPx = 1.2;      // an edge is looked for that far from where a dimension has it
 
 std::vector<WorldSolid> PlaceAll(const std::vector<AdjustedPart>& parts) {
   std::vector<WorldSolid> solids;
@@ -74,6 +76,7 @@ class Reconstructor {
       progress_.Report("reconstruct", round, kRounds);
       Measure(a, search_of(round));
       a.Solve(kSteps, round > 0);
+      if (round == 1 && options_.allow_ground) DecideGround(a);
       if (round == 1 && options_.allow_tilt) DecideTilts(a);
       if (round + 2 == kRounds) {
         const auto anew = [&] {
@@ -262,7 +265,8 @@ class Reconstructor {
     p.prior_value[4] = p.prior_value[5] = 0;
     p.prior_sigma.tail(n - kPlacementSize).setConstant(kPriorDimensionMm);
     p.free.assign(static_cast<std::size_t>(n), true);
-    if (p.object.placement[4] == 0 && p.object.placement[5] == 0) p.free[4] = p.free[5] = false;
+    p.leans = p.object.placement[4] != 0 || p.object.placement[5] != 0;
+    p.free[4] = p.free[5] = p.leans;
   }
 
   void Measure(Adjustment& a, double search_px) {
@@ -327,17 +331,31 @@ class Reconstructor {
     }
   }
 
+  // The ground is not z = 0 where that explains the pictures of all parts together much better, and where it
+  // lies farther off under one of them than is known of it.
+  void DecideGround(Adjustment& a) const {
+    const auto gain = a.GainOfFreeingGround();
+    if (gain.chi_square < kGroundChiSquare) return;
+    AdjustedGround there;
+    there.value = a.ground.value + gain.step;
+    double farthest = 0;
+    for (const auto& solid : PlaceAll(a.parts))
+      for (const auto& v : solid.vertices)
+        farthest = std::max(farthest, std::abs(there.HeightAt(v.point.x(), v.point.y())));
+    if (farthest < kGroundSigmas * options_.ground_sigma_mm) return;
+    a.FreeGround();
+    constexpr int kSteps = 3;
+    a.Solve(kSteps, true);
+  }
+
   // A part leans where that explains the pictures much better than standing straight.
   void DecideTilts(Adjustment& a) const {
     const double sigma = RadFromDeg(options_.tilt_sigma_deg);
     for (std::size_t p = 0; p < a.parts.size(); ++p) {
-      auto& part = a.parts[p];
-      const int tilts[] = {4, 5};
-      part.prior_sigma[4] = part.prior_sigma[5] = sigma;
-      if (part.free[4]) continue;
-      const auto gain = a.GainOfFreeing(static_cast<int>(p), tilts, sigma);
+      if (a.parts[p].leans) continue;
+      const auto gain = a.GainOfLeaning(static_cast<int>(p), sigma);
       if (gain.chi_square < kTiltChiSquare || gain.step.segment<2>(4).norm() < kMinTiltRad) continue;
-      part.free[4] = part.free[5] = true;
+      a.Lean(static_cast<int>(p), sigma);
     }
     constexpr int kSteps = 3;
     a.Solve(kSteps, true);
@@ -473,6 +491,7 @@ class Reconstructor {
     if (options_.adjust_cameras) AddCameraFindings(a, significance_, out);
     AddInfluences(a, out);
     AddScale(a, options_.picture_position_sigma_mm, out);
+    AddGround(a, out);
     return out;
   }
 
@@ -481,7 +500,7 @@ class Reconstructor {
     ReconstructedPart out;
     out.object = part.object;
     out.stands_on = part.stands_on;
-    out.leans = part.free[4];
+    out.leans = part.leans;
     out.observable = observable_[p];
     out.singular_values = singular_values_[p];
     out.covariance = a.PartCovariance(static_cast<int>(p));

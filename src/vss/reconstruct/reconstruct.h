@@ -8,6 +8,7 @@
 // unobservable dimensions are decided on, and the covariance is propagated to every vertex.
 #pragma once
 #include <Eigen/Core>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -34,7 +35,7 @@ struct ReconstructOptions {
   double free_bias_px = 0.02, contact_bias_px = 0.2, round_bias_px = 0.05, limb_bias_px = 0.5,
          shadowed_bias_px = 0.35;
   double tilt_sigma_deg = 1;
-  bool allow_tilt = true;
+  bool allow_tilt = true, allow_ground = true;
   bool full_covariance = false;
   std::vector<KnownLength> known_lengths;  // where there are some, the cameras' places share an unknown scale
 };
@@ -118,6 +119,14 @@ struct ScaleFinding {
   double correction = 0, sigma = 0;
 };
 
+// The plane that the workpiece stands on, where it is not z = 0.
+struct GroundFinding {
+  Eigen::Vector2d at = Eigen::Vector2d::Zero();  // mm, world: the middle of what stands on it
+  double height_mm = 0, sigma_mm = 0;            // there
+  Eigen::Vector2d slope = Eigen::Vector2d::Zero(),
+                  slope_sigma = Eigen::Vector2d::Zero();  // along x, y: mm/mm
+};
+
 struct Reconstruction {
   std::vector<ReconstructedPart> parts;  // in the order given
   std::vector<CameraCorrection> cameras;
@@ -127,6 +136,7 @@ struct Reconstruction {
   double camera_scale = 1, stop_scale = 1;  // estimated, of the priors where no calibration gave them
   std::vector<ViewInfluence> influences;    // of the views that measured something
   ScaleFinding scale;
+  std::optional<GroundFinding> ground;  // empty: z = 0, as the survey has it
   int num_observations = 0;
   std::vector<std::string> warnings;
 };

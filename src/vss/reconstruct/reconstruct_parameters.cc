@@ -42,6 +42,10 @@ std::span<const ParameterOf<ReconstructOptions>> ReconstructParameters() {
       {"reconstruct.tilt_sigma_deg", &O::tilt_sigma_deg, 0.01, 10, "deg",
        "How far parts lean, where they do."},
       {"reconstruct.allow_tilt", &O::allow_tilt, 0, 1, "", "Let a part lean where the pictures demand it."},
+      {"reconstruct.allow_ground", &O::allow_ground, 0, 1, "",
+       "Find the height and slope of the ground that the workpiece stands on where the pictures demand "
+       "another "
+       "than z = 0."},
       {"reconstruct.full_covariance", &O::full_covariance, 0, 1, "",
        "Write the covariance of every vertex, and the correlations, into product.json."},
   };
