@@ -16,6 +16,8 @@ using Eigen::Vector3d;
 
 // Pieces of a line this long have one owner each.
 constexpr double kOwnedPx = 6;
+// Two faces are one plane where they are level to within this, and no farther apart.
+constexpr double kSeamStepPx = 1.5, kSeamGapPx = 5;
 
 // What the solid's corners and rims cover in a picture; all of it where some are behind the camera.
 Eigen::AlignedBox2d ScreenOf(const WorldSolid& solid, const View& view) {
@@ -29,6 +31,26 @@ Eigen::AlignedBox2d ScreenOf(const WorldSolid& solid, const View& view) {
         box.extend(*ideal);
       }
   return box;
+}
+
+// The share of an edge on which one of its two faces goes on, in its plane, on `other`.
+double SeamShare(const WorldSolid& solid, const SolidEdge& edge, const Volume& mine, const Volume& other,
+                 double mm_per_px) {
+  constexpr int kSteps = 5;
+  const Vector3d &start = solid.vertices[std::size_t(edge.start)].point,
+                 &end = solid.vertices[std::size_t(edge.end)].point;
+  const Vector3d left = solid.faces[std::size_t(edge.left_face)].normal_in_part,
+                 right = solid.faces[std::size_t(edge.right_face)].normal_in_part;
+  int seams = 0;
+  for (int i = 0; i < kSteps; ++i) {
+    const Vector3d p = start + (end - start) * ((i + 0.5) / kSteps);
+    const auto goes_on = [&](const Vector3d& face, const Vector3d& beyond) {
+      const Vector3d at = p + kSeamGapPx * mm_per_px * beyond, depth = kSeamStepPx * mm_per_px * face;
+      return other.Contains(at - depth) && !other.Contains(at + depth) && !mine.Contains(at - depth);
+    };
+    seams += goes_on(left, right) || goes_on(right, left);
+  }
+  return double(seams) / kSteps;
 }
 
 // Contours that lie on one line.
@@ -64,11 +86,13 @@ void Ledger::Add(std::span<const PlacedObject> objects, int threads) {
     c.measured = MeasureContours(solid, views, scene_, {.grey = true});
     c.painted = PaintedLogOdds(solid, views, scene_, {.rings = true});
     c.body.Add(solid, int(first + i));
+    c.volume = MakeVolume(solid);
     c.slot_of_view.assign(scene_.views.size(), -1);
     for (std::size_t s = 0; s < c.measured.views.size(); ++s)
       c.slot_of_view[std::size_t(c.measured.views[s].view)] = int(s);
     for (std::size_t v = 0; v < scene_.views.size(); ++v)
       c.screen.push_back(ScreenOf(solid, scene_.views[v]));
+    c.solid = solid;
   });
 }
 
@@ -88,6 +112,22 @@ const std::vector<bool>& Ledger::Hidden(int i, int slot, int k) {
     }
   }
   return slots[std::size_t(slot)];
+}
+
+const std::vector<double>& Ledger::Seams(int i, int k) {
+  const auto [it, is_new] = seams_.try_emplace({i, k});
+  if (!is_new) return it->second;
+  const Candidate &mine = candidates_[std::size_t(i)], &other = candidates_[std::size_t(k)];
+  const Vector3d reach = Vector3d::Constant(kSeamGapPx * scene_.mm_per_px);
+  const Eigen::AlignedBox3d near(other.volume.box.min() - reach, other.volume.box.max() + reach);
+  if (!near.intersects(mine.volume.box)) return it->second;
+  const auto& contours = mine.measured.contours;
+  it->second.resize(contours.size());
+  for (std::size_t n = 0; n < contours.size(); ++n)
+    if (contours[n].source == ContourSample::Source::kEdge)
+      it->second[n] = SeamShare(mine.solid, mine.solid.edges[std::size_t(contours[n].index)], mine.volume,
+                                other.volume, scene_.mm_per_px);
+  return it->second;
 }
 
 std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
@@ -199,6 +239,14 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
   }
   for (std::size_t n = 0; n < set.size(); ++n) {
     const auto& contours = candidates_[std::size_t(set[n])].measured.contours;
+    for (const int k : set) {
+      if (k == set[n]) continue;
+      const auto& seams = Seams(set[n], k);
+      for (std::size_t c = 0; c < seams.size(); ++c) {
+        double& sum = sums[first_contour[n] + c];
+        if (sum > 0) sum *= 1 - seams[c];
+      }
+    }
     for (std::size_t k = 0; k < contours.size(); ++k) {
       const double log_odds = sums[first_contour[n] + k];
       out[n].log_odds += log_odds;

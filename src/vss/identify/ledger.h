@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "vss/identify/overlap.h"
 #include "vss/identify/weigh.h"
 
 namespace vss {
@@ -25,6 +26,8 @@ class Ledger {
   };
   // Of every candidate of `set`, in its order: samples that another of the set hides do not count; a line
   // that contours of several lie on speaks for the nearest; one contour that several continue counts as one.
+  // Where faces of two go on in one plane the edge between them is a line on a face, as shadows and paint
+  // make them: that it is seen speaks for nothing.
   std::vector<Share> Weigh(std::span<const int> set);
   Share Alone(int candidate) { return Weigh({&candidate, 1})[0]; }
 
@@ -35,13 +38,20 @@ class Ledger {
     double prior = 0, painted = 0;
     std::vector<int> slot_of_view;            // index into measured.views, -1: not seen
     std::vector<Eigen::AlignedBox2d> screen;  // by view: what its solid covers
+    WorldSolid solid;
+    Volume volume;
   };
   // Samples of candidate i in its slot that candidate k hides; empty: none.
   const std::vector<bool>& Hidden(int i, int slot, int k);
 
+  // Of each contour of candidate i the share that is no edge but a seam in a plane beside candidate k; empty:
+  // of none.
+  const std::vector<double>& Seams(int i, int k);
+
   const SceneIndex& scene_;
   std::vector<Candidate> candidates_;
   std::map<std::pair<int, int>, std::vector<std::vector<bool>>> hidden_;  // of (i, k): by slot
+  std::map<std::pair<int, int>, std::vector<double>> seams_;              // of (i, k): by contour
 };
 
 }  // namespace vss

@@ -57,6 +57,16 @@ struct Scene {
     }
   }
 
+  // A line of the world, as paint or a shadow draws it.
+  void Draw(const Vector3d& start, const Vector3d& end) {
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      LineSegment l;
+      l.start = l.ideal_start = *views[i].ProjectIdeal(start);
+      l.end = l.ideal_end = *views[i].ProjectIdeal(end);
+      lines[i].segments.push_back(l);
+    }
+  }
+
   PlacedObject Box(double x, double y, std::vector<double> dimensions_mm) const {
     PlacedObject o;
     o.model = knowledge.Find("box");
@@ -79,6 +89,23 @@ TEST(Ledger, APartCutInTwoExplainsLessThanTheWhole) {
   const auto halves = ledger.Weigh(std::vector<int>{1, 2});
   EXPECT_GT(one, 50);
   EXPECT_GT(one, halves[0].log_odds + halves[1].log_odds);
+}
+
+TEST(Ledger, ALineOnAFaceDoesNotMakeTwoPartsOfOne) {
+  const Scene empty({});
+  const PlacedObject whole = empty.Box(0, 0, {1200, 600, 60});
+  Scene scene({&whole, 1});
+  scene.Draw({0, -300, 60}, {0, 300, 60});
+  const SceneIndex index = MakeSceneIndex(scene.views, 1.5, 1);
+  Ledger ledger(index);
+  ledger.Add(std::vector<PlacedObject>{whole, empty.Box(-300, 0, {600, 600, 60}),
+                                       empty.Box(300, 0, {600, 600, 60}), empty.Box(305, 0, {590, 600, 30})},
+             1);
+  const double one = ledger.Weigh(std::vector<int>{0})[0].log_odds;
+  const auto halves = ledger.Weigh(std::vector<int>{1, 2});
+  EXPECT_GT(one, halves[0].log_odds + halves[1].log_odds);
+  // Beside a lower part the same edge is one, and counts.
+  EXPECT_GT(ledger.Weigh(std::vector<int>{1, 3})[0].log_odds, halves[0].log_odds + 5);
 }
 
 TEST(Ledger, TheSameLinesSpeakForOnePartOnly) {

@@ -46,8 +46,8 @@ void SceneItems::Keep(Hypothesis h, int support) {
   item.support_item = support;
   h.support = support;
   item.h = std::move(h);
-  if (support >= 0 && (!RestsOn(item.h.object, item.volume, (*this)[support].volume) ||
-                       OfOneOutline(item.volume, (*this)[support].volume)))
+  if (support >= 0 &&
+      (!RestsOn(item.h.object, item.volume, (*this)[support].volume) || OfOneOutline(item, (*this)[support])))
     return;
   // The same object found from another seed: keep the better.
   for (auto& other : items_) {
@@ -119,10 +119,22 @@ bool SceneItems::AreFlush(const SceneItem& a, const SceneItem& b) const {
   return false;
 }
 
-// A plate that stands out under a part by no more than shadows do cannot be told from them.
-bool SceneItems::OfOneOutline(const Volume& above, const Volume& below) const {
+// A plate that stands out under a part by no more than shadows do, all around or on three sides, cannot be
+// told from them: the foot of a plate and the shadows beside it are one, its top and its foot are not two.
+bool SceneItems::OfOneOutline(const SceneItem& above, const SceneItem& below) const {
   constexpr double kShadowPx = 5;
-  return ((below.box.sizes() - above.box.sizes()).head<2>().array() < 2 * kShadowPx * mm_per_px_).all();
+  constexpr int kSides = 3;
+  const double yaw = above.h.object.placement[3], near = kShadowPx * mm_per_px_;
+  int flush = 0;
+  bool all_around = true;
+  for (const Vector3d& axis :
+       {Vector3d(std::cos(yaw), std::sin(yaw), 0), Vector3d(-std::sin(yaw), std::cos(yaw), 0)}) {
+    const auto upper = Extent(above, axis), lower = Extent(below, axis);
+    flush += std::abs(lower.first - upper.first) < near;
+    flush += std::abs(lower.second - upper.second) < near;
+    all_around = all_around && lower.second - lower.first - (upper.second - upper.first) < 2 * near;
+  }
+  return all_around || flush >= kSides;
 }
 
 // Is there no better item of its kind and nearly the same frame?

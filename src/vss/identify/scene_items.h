@@ -71,7 +71,7 @@ class SceneItems {
  private:
   bool ShareRim(int a, int b) const;
   bool AreFlush(const SceneItem& a, const SceneItem& b) const;
-  bool OfOneOutline(const Volume& above, const Volume& below) const;
+  bool OfOneOutline(const SceneItem& above, const SceneItem& below) const;
   void Replace(SceneItem& old, SceneItem item);
 
   double mm_per_px_;
