@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <unordered_map>
 
@@ -17,7 +18,7 @@ using Eigen::Vector3d;
 // Pieces of a line this long have one owner each.
 constexpr double kOwnedPx = 6;
 // Two faces are one plane where they are level to within this, and no farther apart.
-constexpr double kSeamStepPx = 1.5, kSeamGapPx = 5;
+constexpr double kSeamStepPx = 1.5, kSeamGapsPx[] = {0.75, 1.5, 3, 5};
 
 // What the solid's corners and rims cover in a picture; all of it where some are behind the camera.
 Eigen::AlignedBox2d ScreenOf(const WorldSolid& solid, const View& view) {
@@ -44,9 +45,13 @@ double SeamShare(const WorldSolid& solid, const SolidEdge& edge, const Volume& m
   int seams = 0;
   for (int i = 0; i < kSteps; ++i) {
     const Vector3d p = start + (end - start) * ((i + 0.5) / kSteps);
+    // However thin the other part is there.
     const auto goes_on = [&](const Vector3d& face, const Vector3d& beyond) {
-      const Vector3d at = p + kSeamGapPx * mm_per_px * beyond, depth = kSeamStepPx * mm_per_px * face;
-      return other.Contains(at - depth) && !other.Contains(at + depth) && !mine.Contains(at - depth);
+      const Vector3d depth = kSeamStepPx * mm_per_px * face;
+      return std::any_of(std::begin(kSeamGapsPx), std::end(kSeamGapsPx), [&](double gap) {
+        const Vector3d at = p + gap * mm_per_px * beyond;
+        return other.Contains(at - depth) && !other.Contains(at + depth) && !mine.Contains(at - depth);
+      });
     };
     seams += goes_on(left, right) || goes_on(right, left);
   }
@@ -118,7 +123,7 @@ const std::vector<double>& Ledger::Seams(int i, int k) {
   const auto [it, is_new] = seams_.try_emplace({i, k});
   if (!is_new) return it->second;
   const Candidate &mine = candidates_[std::size_t(i)], &other = candidates_[std::size_t(k)];
-  const Vector3d reach = Vector3d::Constant(kSeamGapPx * scene_.mm_per_px);
+  const Vector3d reach = Vector3d::Constant(*std::rbegin(kSeamGapsPx) * scene_.mm_per_px);
   const Eigen::AlignedBox3d near(other.volume.box.min() - reach, other.volume.box.max() + reach);
   if (!near.intersects(mine.volume.box)) return it->second;
   const auto& contours = mine.measured.contours;

@@ -108,7 +108,7 @@ std::vector<MeasuredContours::Contour> DescribeContours(const WorldSolid& solid,
     contour.weight = WeightOf(solid, contour.source, contour.index);
     if (contour.source != ContourSample::Source::kLimb || solid.faces[std::size_t(contour.index)].is_cylinder)
       contour.detect = DetectOf(solid, contour.source, contour.index, lowest_z);
-    contour.elevated = TopOf(solid, contour.source, contour.index) > lowest_z + kElevatedPx * mm_per_px;
+    contour.elevated = TopOf(solid, contour.source, contour.index) > lowest_z + kElevatedPx * ClutterPixelMm(mm_per_px);
   }
   return contours;
 }
@@ -233,7 +233,7 @@ MeasuredContours MeasureContours(const WorldSolid& solid, std::span<const int> v
   const Numbering numbering(solid);
   MeasuredContours out;
   out.contours = DescribeContours(solid, numbering, scene.mm_per_px);
-  out.ledge_ends = LedgeEnds(solid, kElevatedPx * scene.mm_per_px);
+  out.ledge_ends = LedgeEnds(solid, kElevatedPx * ClutterPixelMm(scene.mm_per_px));
   Measurer measurer(solid, numbering, out.contours, scene, options, others);
   for (int v : views) {
     MeasuredContours::InView in_view = measurer.Measure(v);

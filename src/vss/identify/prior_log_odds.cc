@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "vss/identify/scene_index.h"
+
 namespace vss {
 
 using Eigen::Vector3d;
@@ -35,7 +37,7 @@ double PriorLogOdds(const PlacedObject& object, double mm_per_px) {
     box.extend(Vector3d(center + spread));
     box.extend(Vector3d(center - spread));
   }
-  Vector3d extent_px = box.sizes() / mm_per_px;
+  Vector3d extent_px = box.sizes() / ClutterPixelMm(mm_per_px);
   if (extent_px.z() < kFlatPx) prior -= kFlat * (kFlatPx - extent_px.z());
   std::sort(extent_px.data(), extent_px.data() + 3);
   if (extent_px[1] < kBarPx) prior -= kBar * (kBarPx - extent_px[1]);

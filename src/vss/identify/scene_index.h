@@ -2,6 +2,7 @@
 // chance.
 #pragma once
 #include <Eigen/Core>
+#include <algorithm>
 #include <span>
 #include <vector>
 
@@ -14,6 +15,11 @@ namespace vss {
 // Standard deviation of a contour's distance from its line, with a fair calibration, as a share of the
 // tolerance.
 inline constexpr double kSigmaShare = 0.35;
+
+// Paint, tape and spatter on the floor, cables and hoses do not become smaller with finer pixels: where parts
+// are told from them by how high or thick they are in pixels, pixels are taken to be no finer than this, mm.
+inline constexpr double kFinestClutterPixelMm = 3;
+inline double ClutterPixelMm(double mm_per_px) { return std::max(mm_per_px, kFinestClutterPixelMm); }
 
 struct SceneIndex {
   std::span<const View> views;

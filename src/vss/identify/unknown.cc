@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "vss/identify/scene_index.h"
+
 namespace vss {
 namespace {
 
@@ -45,7 +47,7 @@ double Distance(const Piece& a, const Piece& b) {
 Piece PieceOf(const WorldLine& l, double mm_per_px) {
   Piece p{l.start, l.end, AlignedBox3d(l.start), l.Length(), false};
   p.box.extend(l.end);
-  p.elevated = std::max(l.start.z(), l.end.z()) > kElevatedPx * mm_per_px;
+  p.elevated = std::max(l.start.z(), l.end.z()) > kElevatedPx * ClutterPixelMm(mm_per_px);
   return p;
 }
 
@@ -54,7 +56,7 @@ Piece PieceOf(const WorldCircle& c, double mm_per_px) {
   Piece p{c.center - reach, c.center + reach, AlignedBox3d(Vector3d(c.center - reach - across)), 0, false};
   p.box.extend(Vector3d(c.center + reach + across));
   p.length = 2 * c.radius_mm;
-  p.elevated = c.center.z() > kElevatedPx * mm_per_px;
+  p.elevated = c.center.z() > kElevatedPx * ClutterPixelMm(mm_per_px);
   return p;
 }
 

@@ -128,7 +128,7 @@ double PaintedLogOdds(const WorldSolid& solid, std::span<const int> views, const
   bare.keep_matches = bare.grey = false;
   bare.prior_log_odds = 0;
   double sum = 0;
-  const WorldSolid flat = Painted(solid, low, kElevatedPx * scene.mm_per_px);
+  const WorldSolid flat = Painted(solid, low, kElevatedPx * ClutterPixelMm(scene.mm_per_px));
   for (const auto& e : WeighContours(flat, views, scene, bare, others, claims).edges)
     sum += std::max(0.0, e.log_odds);
   return sum;

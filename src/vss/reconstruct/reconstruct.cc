@@ -31,7 +31,7 @@ constexpr double kObservableGain =
 constexpr double kMinTiltRad = 0.003;      // a part that leans less stands straight
 constexpr double kTiltChiSquare = 18.4;    // two degrees of freedom, 1 in 10000
 constexpr double kGroundChiSquare = 21.1;  // three degrees of freedom, 1 in 10000
-constexpr double kGroundSigmas = 3;        // of how well the ground is z = 0
+constexpr double kGroundSigmas = 10;     // of how well the ground is z = 0: less is what floors are uneven by
 constexpr double kReconsiderPx = 1.2;      // an edge is looked for that far from where a dimension has it
 
 std::vector<WorldSolid> PlaceAll(const std::vector<AdjustedPart>& parts) {
