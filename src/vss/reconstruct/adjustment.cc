@@ -132,6 +132,7 @@ Adjustment::Layout Adjustment::MakeLayout() const {
   }
   l.ground = l.size;
   l.size += kGroundSize;
+  l.pull = l.size++;
   for (const auto& c : cameras) {
     l.camera.push_back(l.size);
     l.size += kCameraPlaceSize + c.num_intrinsics;
@@ -151,7 +152,8 @@ void Adjustment::UpdateResiduals() {
   for (auto& group : groups) {
     auto& part = parts[static_cast<std::size_t>(group.part)];
     const auto& view = views[static_cast<std::size_t>(group.view)];
-    const double bias = part.bias_px[group.BiasKey()];
+    const double bias =
+        part.bias_px[group.BiasKey()] + (group.edge_class == ContourClass::kContact ? ground.pull_px : 0);
     for (auto& o : group.observations) {
       o.sample.point_in_world = SamplePoint(solids[static_cast<std::size_t>(group.part)], o.sample);
       Eigen::Matrix<double, 2, 3> by_cam;
@@ -181,6 +183,8 @@ Adjustment::Term Adjustment::TermOf(const ObservationGroup& group, const WorldSo
   if (has_stop)
     for (int i = 0; i < 3; ++i) at.push_back(layout_.stop[static_cast<std::size_t>(stop_of_view_[v])] + i);
   if (layout_.scale >= 0) at.push_back(layout_.scale);
+  const bool is_pulled = group.edge_class == ContourClass::kContact;
+  if (is_pulled) at.push_back(layout_.pull);
   const auto n = static_cast<Eigen::Index>(at.size());
   MatrixXd a = MatrixXd::Zero(n, n);
   VectorXd u = VectorXd::Zero(n), g = VectorXd::Zero(n), j(n);
@@ -200,12 +204,14 @@ Adjustment::Term Adjustment::TermOf(const ObservationGroup& group, const WorldSo
       j.segment(state + kCameraPlaceSize, intrinsics) =
           (o.normal.transpose() * ImgByIntrinsics(k, q, *img, intrinsics)).transpose();
     Eigen::Index next = state + kCameraPlaceSize + intrinsics;
-    j[next++] = BiasShift(parts[p], group, solid, o, n_by_world);
+    const double shift = BiasShift(parts[p], group, solid, o, n_by_world);
+    j[next++] = shift;
     if (has_stop) {
       j.segment<3>(next) = -n_by_world.transpose();
       next += 3;
     }
-    if (layout_.scale >= 0) j[next] = -n_by_world.dot(views_[v].center_in_world);
+    if (layout_.scale >= 0) j[next++] = -n_by_world.dot(views_[v].center_in_world);
+    if (is_pulled) j[next] = shift;
     const double w = o.weight;
     a.selfadjointView<Eigen::Lower>().rankUpdate(j, w);
     u += w * j;
@@ -274,7 +280,8 @@ std::vector<bool> Adjustment::Pinned(bool shared_free) const {
     for (std::size_t i = 0; i < parts[p].free.size(); ++i)
       pinned[static_cast<std::size_t>(layout_.part[p]) + i] = !parts[p].free[i];
   for (int i = 0; i < kGroundSize; ++i) pinned[static_cast<std::size_t>(layout_.ground + i)] = !ground.free;
-  const int first_shared = layout_.ground + kGroundSize;
+  pinned[static_cast<std::size_t>(layout_.pull)] = !ground.pull_free;
+  const int first_shared = layout_.pull + 1;
   for (int i = first_shared; i < layout_.size && !shared_free; ++i)
     pinned[static_cast<std::size_t>(i)] = true;
   return pinned;
@@ -326,6 +333,7 @@ void Adjustment::Apply(const VectorXd& step) {
     for (const auto& [contour, at] : layout_.bias[p]) part.bias_px[contour] += step[at];
   }
   ground.value += step.segment<kGroundSize>(layout_.ground);
+  ground.pull_px += step[layout_.pull];
   for (std::size_t c = 0; c < cameras.size(); ++c)
     cameras[c].value += step.segment(layout_.camera[c], cameras[c].value.size());
   for (std::size_t s = 0; s < stops.size(); ++s) stops[s].value += step.segment<3>(layout_.stop[s]);

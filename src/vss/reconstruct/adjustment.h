@@ -98,6 +98,10 @@ inline constexpr int kGroundSize = 3;
 struct AdjustedGround {
   bool free = false;
   Eigen::Vector3d value = Eigen::Vector3d::Zero();  // height (mm) at the world's origin, slopes along x and y
+  // What pulls all contours that lie on something alike: it looks as if the ground were higher or lower, and
+  // is an unknown, too, where the ground is one or may be.
+  bool pull_free = false;
+  double pull_px = 0;
 
   double HeightAt(double x_mm, double y_mm) const { return value[0] + value[1] * x_mm + value[2] * y_mm; }
   Eigen::Vector3d Normal() const { return Eigen::Vector3d(-value[1], -value[2], 1).normalized(); }
@@ -107,6 +111,7 @@ struct AdjustmentOptions {
   bool adjust_cameras = true;
   double ground_sigma_mm = 0.1;
   double contact_sigma_mm = 0.1;
+  double common_pull_px = 0.2;
   double ground_height_sigma_mm = 50, ground_slope_sigma = 0.05;  // where it is free: weak
   // What may pull a contour in all pictures alike, by class; and an edge of short pieces, px * px^2.
   std::array<double, kNumContourClasses> bias_px{0.02, 0.2, 0.05, 0.5, 0.35};
@@ -180,7 +185,7 @@ class Adjustment {
   struct Layout {
     std::vector<int> part, camera, stop;   // offsets
     std::vector<std::map<int, int>> bias;  // per part: BiasKey -> offset
-    int ground = 0;
+    int ground = 0, pull = 0;
     int scale = -1;
     int size = 0;
   };

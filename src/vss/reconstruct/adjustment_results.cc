@@ -42,9 +42,10 @@ Adjustment::Gain Adjustment::GainOfLeaning(int part, double tilt_sigma_rad) {
 Adjustment::Gain Adjustment::GainOfFreeingGround() {
   UpdateResiduals();
   UpdateWeights();
-  const double before = LinearisedStep().first;
   const auto saved_parts = parts;
   const auto saved_ground = ground;
+  ground.pull_free = true;
+  const double before = LinearisedStep().first;
   FreeGround();
   const auto [after, step] = LinearisedStep();
   Gain out{after - before, step.segment<kGroundSize>(layout_.ground)};

@@ -67,7 +67,7 @@ void Adjustment::Lean(int part, double tilt_sigma_rad) {
 }
 
 void Adjustment::FreeGround() {
-  ground.free = true;
+  ground.free = ground.pull_free = true;
   for (auto& p : parts) p.free[4] = p.free[5] = true;
 }
 
@@ -82,6 +82,9 @@ void Adjustment::AddGroundPrior() {
   const Vector3d w = sigma.cwiseAbs2().cwiseInverse();
   h_.diagonal().segment<kGroundSize>(layout_.ground) += w;
   g_.segment<kGroundSize>(layout_.ground) -= w.cwiseProduct(ground.value);
+  const double pull_weight = 1 / (options.common_pull_px * options.common_pull_px);
+  h_(layout_.pull, layout_.pull) += pull_weight;
+  g_[layout_.pull] -= pull_weight * ground.pull_px;
 }
 
 // A part that does not lean is turned as the ground is: about the horizontal axis (slope_y, -slope_x), here

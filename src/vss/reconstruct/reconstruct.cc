@@ -31,7 +31,8 @@ constexpr double kObservableGain =
 constexpr double kMinTiltRad = 0.003;      // a part that leans less stands straight
 constexpr double kTiltChiSquare = 18.4;    // two degrees of freedom, 1 in 10000
 constexpr double kGroundChiSquare = 21.1;  // three degrees of freedom, 1 in 10000
-constexpr double kGroundSigmas = 10;     // of how well the ground is z = 0: less is what floors are uneven by
+constexpr double kGroundSigmas = 3;        // of how well the ground is z = 0
+constexpr double kGroundPx = 0.5;          // less is what shadows on it make
 constexpr double kReconsiderPx = 1.2;      // an edge is looked for that far from where a dimension has it
 
 std::vector<WorldSolid> PlaceAll(const std::vector<AdjustedPart>& parts) {
@@ -62,6 +63,7 @@ class Reconstructor {
     adjust.adjust_cameras = options_.adjust_cameras;
     adjust.ground_sigma_mm = options_.ground_sigma_mm;
     adjust.contact_sigma_mm = options_.contact_sigma_mm;
+    adjust.common_pull_px = options_.contact_bias_px;
     adjust.stop_sigma_mm = options_.stop_sigma_mm;
     adjust.known_lengths = options_.known_lengths;
     adjust.bias_px = {options_.free_bias_px, options_.contact_bias_px, options_.round_bias_px,
@@ -342,7 +344,8 @@ class Reconstructor {
     for (const auto& solid : PlaceAll(a.parts))
       for (const auto& v : solid.vertices)
         farthest = std::max(farthest, std::abs(there.HeightAt(v.point.x(), v.point.y())));
-    if (farthest < kGroundSigmas * options_.ground_sigma_mm) return;
+    if (farthest < std::max(kGroundPx * TypicalMmPerPx(views_), kGroundSigmas * options_.ground_sigma_mm))
+      return;
     a.FreeGround();
     constexpr int kSteps = 3;
     a.Solve(kSteps, true);
