@@ -11,6 +11,8 @@ using Eigen::Vector3d;
 // As good as nothing between two readings (log-odds), and surely more.
 constexpr double kBarely = 10;
 constexpr double kClearly = 1e-6;
+// A reading that explains less by no more than this is looked at with other company, too: what a part brings.
+constexpr double kSecondLook = 100;
 // What an edge costs that runs where the part would be solid: as much as tells two readings apart. None ran
 // in ninety parts of drawn scenes that were found rightly, one to five in boxes laid around channels.
 constexpr double kOpaque = 10;
@@ -144,6 +146,27 @@ void SceneChoice::AddBest(const std::vector<int>& order, Choice& choice) {
   }
 }
 
+// Adds those of `items` that explain more, each time the one with which the whole explains most.
+void SceneChoice::AddBestByTotal(std::vector<int> items, Choice& choice) {
+  while (!items.empty() && !data_.progress.Cancelled()) {
+    Choice best = choice;
+    int added = -1;
+    for (int i : items) {
+      const std::vector<int> chain = MissingChain(i, choice.items);
+      if (chain.empty() || ConflictsWithAny(chain, choice.items)) continue;
+      std::vector<int> more = choice.items;
+      more.insert(more.end(), chain.begin(), chain.end());
+      const double total = Total(more);
+      if (total <= best.total) continue;
+      best = {std::move(more), total};
+      added = i;
+    }
+    if (added < 0) return;
+    choice = std::move(best);
+    std::erase(items, added);
+  }
+}
+
 // The choice with item `i` and what it stands on in the place of what is in its way, which goes to `removed`;
 // what stood there stands on `i` now where it can.
 SceneChoice::Choice SceneChoice::Replaced(int i, const Choice& choice, std::vector<int>& removed) {
@@ -190,7 +213,15 @@ SceneChoice::Choice SceneChoice::With(int i, const Choice& choice, const std::ve
     refills.push_back(k);
     hope += data_.items[k].alone;
   }
-  if (hope > choice.total - kBarely) AddBest(refills, with);
+  if (hope <= choice.total - kBarely) return with;
+  const Choice bare = with;
+  AddBest(refills, with);
+  // What fits in first may keep better company out.
+  if (with.total <= choice.total && with.total > choice.total - kSecondLook) {
+    Choice other = bare;
+    AddBestByTotal(std::move(refills), other);
+    if (other.total > with.total) with = std::move(other);
+  }
   return with;
 }
 

@@ -48,6 +48,7 @@ class SceneChoice {
   double Total(const std::vector<int>& items);
   bool ConflictsWithAny(const std::vector<int>& chain, const std::vector<int>& items);
   std::vector<int> MissingChain(int i, const std::vector<int>& items) const;
+  void AddBestByTotal(std::vector<int> items, Choice& choice);
   void AddBest(const std::vector<int>& order, Choice& choice);
   Choice With(int i, const Choice& choice, const std::vector<int>& order, std::vector<int>& removed);
   Choice Replaced(int i, const Choice& choice, std::vector<int>& removed);
