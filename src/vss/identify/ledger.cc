@@ -17,6 +17,9 @@ using Eigen::Vector3d;
 
 // Pieces of a line this long have one owner each.
 constexpr double kOwnedPx = 6;
+// A shadow is no longer than that many times what casts it is high (a lamp 27 degrees above the horizon), and
+// ends as much earlier or later.
+constexpr double kShadowReach = 2, kShadowEndPx = 5, kShadowSkew = 0.035;
 // Two faces are one plane where they are level to within this, and no farther apart.
 constexpr double kSeamStepPx = 1.5, kSeamGapsPx[] = {0.75, 1.5, 3, 5};
 
@@ -56,6 +59,28 @@ double SeamShare(const WorldSolid& solid, const SolidEdge& edge, const Volume& m
     seams += goes_on(left, right) || goes_on(right, left);
   }
   return double(seams) / kSteps;
+}
+
+// May the edge be the shadow of a higher edge of `other`, level, parallel and of the same length?
+bool MayBeShadow(const WorldSolid& solid, const SolidEdge& edge, const WorldSolid& other, double mm_per_px) {
+  const auto ends = [](const WorldSolid& s, const SolidEdge& e) {
+    return std::pair(s.vertices[std::size_t(e.start)].point, s.vertices[std::size_t(e.end)].point);
+  };
+  const auto [start, end] = ends(solid, edge);
+  const Vector3d along = (end - start).normalized();
+  if (std::abs(along.z()) > kShadowSkew) return false;
+  return std::any_of(other.edges.begin(), other.edges.end(), [&](const SolidEdge& o) {
+    auto [from, to] = ends(other, o);
+    if ((to - from).dot(along) < 0) std::swap(from, to);
+    const double higher = from.z() - start.z();
+    if (higher < kSeamStepPx * mm_per_px || (to - from).normalized().cross(along).norm() > kShadowSkew)
+      return false;
+    const double flush = kShadowEndPx * mm_per_px;
+    if (std::abs((from - start).dot(along)) > flush || std::abs((to - end).dot(along)) > flush) return false;
+    Vector3d aside = from - start;
+    aside -= along * along.dot(aside);
+    return aside.head<2>().norm() < kShadowReach * higher;
+  });
 }
 
 // Contours that lie on one line.
@@ -123,15 +148,19 @@ const std::vector<double>& Ledger::Seams(int i, int k) {
   const auto [it, is_new] = seams_.try_emplace({i, k});
   if (!is_new) return it->second;
   const Candidate &mine = candidates_[std::size_t(i)], &other = candidates_[std::size_t(k)];
-  const Vector3d reach = Vector3d::Constant(*std::rbegin(kSeamGapsPx) * scene_.mm_per_px);
+  const double longest = kShadowReach * other.volume.box.sizes().z();
+  const Vector3d reach = Vector3d::Constant(std::max(longest, *std::rbegin(kSeamGapsPx) * scene_.mm_per_px));
   const Eigen::AlignedBox3d near(other.volume.box.min() - reach, other.volume.box.max() + reach);
   if (!near.intersects(mine.volume.box)) return it->second;
   const auto& contours = mine.measured.contours;
   it->second.resize(contours.size());
-  for (std::size_t n = 0; n < contours.size(); ++n)
-    if (contours[n].source == ContourSample::Source::kEdge)
-      it->second[n] = SeamShare(mine.solid, mine.solid.edges[std::size_t(contours[n].index)], mine.volume,
-                                other.volume, scene_.mm_per_px);
+  for (std::size_t n = 0; n < contours.size(); ++n) {
+    if (contours[n].source != ContourSample::Source::kEdge) continue;
+    const SolidEdge& edge = mine.solid.edges[std::size_t(contours[n].index)];
+    it->second[n] = MayBeShadow(mine.solid, edge, other.solid, scene_.mm_per_px)
+                        ? 1
+                        : SeamShare(mine.solid, edge, mine.volume, other.volume, scene_.mm_per_px);
+  }
   return it->second;
 }
 
