@@ -27,8 +27,9 @@ struct Observation {
   Eigen::Vector2d normal = Eigen::Vector2d::UnitX();   // img, unit
   double sigma_px = 0.1;
   double contrast = 0;
-  bool shadowed = false;  // a shadow may lie behind it: ContourClass::kShadowed
-  double weight = 1;      // robust, within its group
+  bool shadowed = false;   // a shadow may lie behind it: ContourClass::kShadowed
+  bool saturated = false;  // beside what is brighter than the sensor can say
+  double weight = 1;       // robust, within its group
   double residual_px = 0;
   double half_length_px = 4;          // of the strip
   double neighbour_blurs = INFINITY;  // to the nearest other contour, measured in the same fit; of the blur
@@ -119,6 +120,9 @@ struct AdjustmentOptions {
   // other (accuracy_pulls).
   double near_factor = 2.5, near_blurs = 3;
   double short_edge_bias = 0.15;
+  // Beside a side that the sensor's limit hides: how bright it is, and how blurred, is known beforehand only,
+  // so that such edges lie alike too far out or in.
+  double saturated_bias_px = 0.2;
   double single_view_bias_px = 0.2;  // a contour that one picture alone measured: nothing checks it
   double stop_sigma_mm = 0.15;
   double free_systematic_px = 0.03, contact_systematic_px = 0.15, round_systematic_px = 0.05,

@@ -17,7 +17,10 @@ constexpr int kMinPixels = 12;           // fewer cannot tell a step from noise
 constexpr double kNeighbourPrior = 0.5;  // px: how far a neighbour may move against the edge itself
 constexpr double kScanStep = 0.4;        // of the blur: Gauss-Newton converges from there
 constexpr double kMinSignificance = 5;   // a contrast below that many of its sigmas is no edge
-constexpr double kMaxSaturated = 0.25;   // share of pixels at the sensor's limit
+constexpr double kMaxSaturated = 0.25;  // share of pixels at the sensor's limit: left out, the rest tells all
+constexpr double kMaxBlind = 0.75;      // and where the bright side is there as a whole
+constexpr double kBrighterAtFirst = 1.5;
+constexpr double kBrighterSigma = 2;  // how much brighter than the limit that may be, of the step seen
 
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxUnknowns, kMaxUnknowns>;
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxUnknowns, 1>;
@@ -52,11 +55,12 @@ struct NormalTable {
 
 struct Strip {
   int steps = 1;
+  std::size_t num_clear = 0;  // those after them are at the limit
   std::vector<double> grey;
   std::vector<std::array<double, 1 + kMaxNeighbours>> distance;
 };
 
-// The pixels of the strip; empty where it leaves the picture by much or is saturated.
+// The pixels of the strip; false where it leaves the picture by much or most of it is saturated.
 bool Gather(const GreyView& image, const ProfileRequest& r, Strip& strip) {
   const Vector2d& c = r.curve.point;
   const Vector2d& n = r.curve.normal;
@@ -69,7 +73,7 @@ bool Gather(const GreyView& image, const ProfileRequest& r, Strip& strip) {
   const int v0 = std::max(0, static_cast<int>(std::ceil(c.y() - rv)));
   const int v1 = std::min(image.height - 1, static_cast<int>(std::floor(c.y() + rv)));
   const int limit = static_cast<int>(image.MaxValue());
-  int saturated = 0;
+  std::vector<double> blind;  // distances of saturated pixels
   strip.grey.clear();
   strip.distance.clear();
   strip.steps = 1 + static_cast<int>(r.neighbours.size());
@@ -81,7 +85,7 @@ bool Gather(const GreyView& image, const ProfileRequest& r, Strip& strip) {
       if (d < -r.reach_minus_px || d > r.reach_plus_px) continue;
       const int g = image.At(u, v);
       if (g >= limit) {
-        ++saturated;
+        blind.push_back(d);
         continue;
       }
       strip.grey.push_back(g);
@@ -90,8 +94,17 @@ bool Gather(const GreyView& image, const ProfileRequest& r, Strip& strip) {
         strip.distance.back()[j + 1] = r.neighbours[j].Distance(p);
     }
   }
+  strip.num_clear = strip.grey.size();
   const auto count = static_cast<int>(strip.grey.size());
-  return count >= kMinPixels + 2 * strip.steps && saturated <= kMaxSaturated * (count + saturated);
+  const double saturated = static_cast<double>(blind.size()), all = count + saturated;
+  if (count < kMinPixels + 2 * strip.steps) return false;
+  if (saturated <= kMaxSaturated * all) return true;
+  if (saturated > kMaxBlind * all || strip.steps > 1) return false;
+  for (double d : blind) {
+    strip.grey.push_back(limit);
+    strip.distance.push_back({d});
+  }
+  return true;
 }
 
 // Unknowns: base, contrast_0.., offset_0.., blur, slopes on the minus and the plus side of the edge itself.
@@ -144,13 +157,14 @@ struct Normal {
   double sum_squares = 0;  // of the pixels alone
 };
 
-Normal Linearise(const Strip& strip, const Model& m) {
+// Of the first `count` pixels.
+Normal Linearise(const Strip& strip, const Model& m, std::size_t count) {
   const auto& table = NormalTable::Get();
   const int n = m.size();
   Normal out{Matrix::Zero(n, n), Vector::Zero(n), 0};
   Vector row(n);
   const double blur = m.blur();
-  for (std::size_t i = 0; i < strip.grey.size(); ++i) {
+  for (std::size_t i = 0; i < count; ++i) {
     double value = m.x[0], by_blur = 0;
     row[0] = 1;
     for (int j = 0; j < m.steps; ++j) {
@@ -169,6 +183,8 @@ Normal Linearise(const Strip& strip, const Model& m) {
           m.slope(0) * (1 - phi) + m.slope(1) * phi + (m.slope(1) - m.slope(0)) * z * table.Density(z);
     }
     row[1 + 2 * m.steps] = by_blur;
+    // A saturated pixel says no more than that the light there reaches the limit (Tobin 1958).
+    if (i >= strip.num_clear && value >= strip.grey[i]) continue;
     const double r = strip.grey[i] - value;
     out.sum_squares += r * r;
     for (int a = 0; a < n; ++a) {
@@ -182,7 +198,13 @@ Normal Linearise(const Strip& strip, const Model& m) {
 }
 
 // Prior knowledge as observations of variance in units of the pixel variance `var`.
-void AddPriors(const ProfileRequest& r, const Model& m, double var, Normal& normal) {
+// `clipped`: of a saturated strip the step as the sensor shows it; 0: of others.
+void AddPriors(const ProfileRequest& r, const Model& m, double var, double clipped, Normal& normal) {
+  if (clipped != 0) {
+    const double w = var / std::pow(kBrighterSigma * clipped, 2);
+    normal.h(1, 1) += w;
+    normal.g[1] += w * (clipped - m.contrast(0));
+  }
   const int blur = 1 + 2 * m.steps, first = 1 + m.steps;
   const double wb = var / (r.blur_sigma_px * r.blur_sigma_px);
   normal.h(blur, blur) += wb;
@@ -211,7 +233,8 @@ void AddPriors(const ProfileRequest& r, const Model& m, double var, Normal& norm
 std::optional<ProfileFit> FitProfile(const GreyView& image, const ProfileRequest& r, double noise) {
   thread_local Strip strip;
   if (!Gather(image, r, strip)) return std::nullopt;
-  const auto count = static_cast<double>(strip.grey.size());
+  const auto count = static_cast<double>(strip.num_clear);
+  const bool blind = strip.num_clear < strip.grey.size();
   Model model{strip.steps, Vector::Zero(4 + 2 * strip.steps)}, trial = model;
   double best = INFINITY;
   const int scan = static_cast<int>(std::ceil(r.search_px / (kScanStep * r.blur_px)));
@@ -222,12 +245,14 @@ std::optional<ProfileFit> FitProfile(const GreyView& image, const ProfileRequest
   const double redundancy = std::max(1.0, count - model.size());
   if (!std::isfinite(best)) return std::nullopt;
   double var = std::max(best / redundancy, noise * noise);
+  const double clipped = blind ? model.contrast(0) : 0;
+  if (blind) model.contrast(0) *= kBrighterAtFirst;
   constexpr int kIterations = 8;
   Normal normal;
   for (int it = 0; it < kIterations; ++it) {
-    normal = Linearise(strip, model);
+    normal = Linearise(strip, model, strip.grey.size());
     var = std::max({normal.sum_squares / redundancy, noise * noise, 1e-6});
-    AddPriors(r, model, var, normal);
+    AddPriors(r, model, var, clipped, normal);
     Vector step = normal.h.ldlt().solve(normal.g);
     if (!step.allFinite()) return std::nullopt;
     for (int j = 0; j < model.steps; ++j) {
@@ -239,6 +264,11 @@ std::optional<ProfileFit> FitProfile(const GreyView& image, const ProfileRequest
     model.blur() = std::clamp(model.blur(), 0.4 * r.blur_px, 2.5 * r.blur_px);
     if (std::abs(step[1 + model.steps]) < 1e-3) break;
     if (std::abs(model.offset(0)) > r.search_px + r.blur_px) return std::nullopt;
+  }
+  // Pixels that just reach the limit must not seem to say that it is no brighter there.
+  if (blind) {
+    normal = Linearise(strip, model, strip.num_clear);
+    AddPriors(r, model, var, clipped, normal);
   }
   const Matrix covariance = normal.h.ldlt().solve(Matrix::Identity(model.size(), model.size())) * var;
   ProfileFit fit;
@@ -256,10 +286,12 @@ std::optional<ProfileFit> FitProfile(const GreyView& image, const ProfileRequest
   }
   fit.rms = std::sqrt(normal.sum_squares / redundancy);
   fit.num_pixels = static_cast<int>(count);
+  fit.saturated = blind;
   const double sigma_contrast = std::sqrt(std::max(covariance(1, 1), 0.0));
-  if (!(std::abs(fit.offset_px) <= r.search_px) ||
-      !(std::abs(fit.contrast) > kMinSignificance * sigma_contrast))
-    return std::nullopt;
+  const bool is_step =
+      blind ? std::abs(clipped) > kMinSignificance * std::sqrt(var) && fit.contrast * clipped > 0
+            : std::abs(fit.contrast) > kMinSignificance * sigma_contrast;
+  if (!(std::abs(fit.offset_px) <= r.search_px) || !is_step) return std::nullopt;
   return fit;
 }
 

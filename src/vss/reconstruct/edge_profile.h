@@ -53,6 +53,8 @@ struct ProfileFit {
   std::array<double, 2> slope{}, slope_sigma{};
   double rms = 0;  // grey levels
   int num_pixels = 0;
+  bool saturated =
+      false;  // one side is at the sensor's limit: the edge from what is darker, sigma accordingly
 };
 
 // Empty where the strip holds too few pixels, no step, or the fit runs out of the search range. `noise` is

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -30,7 +31,8 @@ GreyImage Render(double angle_rad, const std::vector<std::pair<double, double>>&
                  std::erfc(-((p - Vector2d(31.3, 32.1)).dot(n) - at) / (blur * std::sqrt(2.0)));
           sum += g / 25;
         }
-      image.Row16(v)[u] = static_cast<std::uint16_t>(std::lround(sum + noise * normal(random)));
+      image.Row16(v)[u] =
+          static_cast<std::uint16_t>(std::clamp(std::lround(sum + noise * normal(random)), 0L, 65535L));
     }
   return image;
 }
@@ -81,6 +83,26 @@ TEST(EdgeProfile, SigmaIsTheScatterOfNoisyPictures) {
   }
   EXPECT_NEAR(sum, 0.2, 0.01);
   EXPECT_NEAR(std::sqrt(sum2 - sum * sum) / sigma, 1.0, 0.15);
+}
+
+// The bright side is beyond the sensor's limit, by an unknown amount: the edge lies before the place where
+// the limit is reached, and its sigma says how well that is known.
+TEST(EdgeProfile, AnOverexposedSideLeavesAnHonestEdge) {
+  constexpr int kRuns = 60;
+  for (double bright : {70e3, 100e3, 130e3}) {
+    double squared = 0, sigma = 0;
+    for (int i = 0; i < kRuns; ++i) {
+      const double at = 0.6 * std::sin(i);
+      const GreyImage image = Render(0.1 * i, {{at, bright - 6000}}, 0.6, 300, static_cast<unsigned>(i));
+      const auto fit = FitProfile(image.view(), Request(0.1 * i), 0);
+      ASSERT_TRUE(fit) << bright << " " << i;
+      EXPECT_TRUE(fit->saturated);
+      squared += std::pow((fit->offset_px - at) / fit->sigma_px, 2) / kRuns;
+      sigma += fit->sigma_px / kRuns;
+    }
+    EXPECT_LT(squared, 2) << bright;
+    EXPECT_LT(sigma, 0.25) << bright;
+  }
 }
 
 TEST(EdgeProfile, InEvenLightNoiseMovesAnEdgeLess) {

@@ -134,10 +134,12 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
     o.sigma_px = std::hypot(fit->sigma_px, kShortPieceError / (piece.half_length_px * piece.half_length_px));
     o.contrast = fit->contrast;
     o.shadowed = MayBeShadowed(piece, fit->contrast);
+    o.saturated = fit->saturated;
     for (const auto& n : piece.neighbours)
       o.neighbour_blurs =
           std::min(o.neighbour_blurs, std::abs(n.Distance(piece.curve.point)) / state.blur_px);
     group.observations.push_back(o);
+    if (fit->saturated) continue;
     if (piece.neighbours.empty() && fit->sigma_px < kClearBlur * state.blur_px) {
       out.blurs.push_back(fit->blur_px);
       if (piece.edge_class != ContourClass::kLimb)

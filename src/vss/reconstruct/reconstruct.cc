@@ -285,10 +285,14 @@ class Reconstructor {
     std::vector<std::pair<double, double>> slopes;
     for (const auto& f : found) slopes.insert(slopes.end(), f.slopes.begin(), f.slopes.end());
     if (slopes.size() >= kEnough) slope_sigma_ = SlopeSigma(slopes);
+    std::vector<double> all_blurs;
+    for (const auto& f : found) all_blurs.insert(all_blurs.end(), f.blurs.begin(), f.blurs.end());
     for (std::size_t v = 0; v < views.size(); ++v) {
       states_[v].slope_sigma = slope_sigma_;
-      if (found[v].blurs.size() >= kEnough) {
-        states_[v].blur_px = Median(found[v].blurs, states_[v].blur_px);
+      // Of a picture with few clear edges what the others say: saturated ones look sharper than they are.
+      const auto& blurs = found[v].blurs.size() >= kEnough ? found[v].blurs : all_blurs;
+      if (blurs.size() >= kEnough) {
+        states_[v].blur_px = Median(blurs, states_[v].blur_px);
         states_[v].blur_sigma_px = 0.15 * states_[v].blur_px;
       }
       if (!views_[v].lines && found[v].noises.size() >= kEnough) {
@@ -375,7 +379,7 @@ class Reconstructor {
 
   // A dimension that left the knowledge base's range, or went further than its edge was searched for in the
   // grey values from where it was drawn to and from where identification had it, was captured by another
-  // edge: its own is not seen. It is held at what is usual, and its part starts anew. True where one was.
+  // edge: its own is not seen. It is held as it was identified, and its part starts anew. True where one was.
   bool HoldCaptured(Adjustment& a) {
     captured_.resize(a.parts.size());
     bool any = false;
@@ -387,22 +391,19 @@ class Reconstructor {
       const auto defs = start.model->dimensions();
       std::vector<bool> captured(defs.size()), held = captured_[p];
       held.resize(defs.size());
-      std::vector<std::optional<double>> known(defs.size());
       for (std::size_t i = 0; i < defs.size(); ++i) {
         const double value = part.object.dimensions_mm[i];
         const double way = std::min(std::abs(value - start.dimensions_mm[i]),
                                     std::abs(value - given_[p].object.dimensions_mm[i]));
         captured[i] = held[i] || value < defs[i].min_mm || value > defs[i].max_mm || way > reach_mm;
-        if (!captured[i]) known[i] = value;
       }
       captured_[p] = captured;
       if (captured == held) continue;
       any = true;
-      const auto usual = start.model->UsualDimensions(known);
       part.object = start;
       for (std::size_t i = 0; i < defs.size(); ++i) {
         if (!captured[i]) continue;
-        part.object.dimensions_mm[i] = usual[i];
+        part.object.dimensions_mm[i] = given_[p].object.dimensions_mm[i];
         part.free[kPlacementSize + i] = false;
       }
     }
@@ -531,11 +532,7 @@ class Reconstructor {
   }
 
   static std::string OriginOfHeld(const DimensionDef& d, bool captured) {
-    if (captured)
-      return fmt::format(
-          "another edge was met in place of its own, which is not seen; what is usual within the knowledge "
-          "base's range {} to {} mm",
-          d.min_mm, d.max_mm);
+    if (captured) return "another edge was met in place of its own, which is not seen; kept as identified";
     return fmt::format(
         "the pictures do not determine it beyond the knowledge base's range {} to {} mm; kept as identified",
         d.min_mm, d.max_mm);
