@@ -212,8 +212,7 @@ class ArcFit {
         }
         u += std::countr_zero(rest);
         if (u > last) break;
-        const EdgePoint& p = s_.b.points[w.first + static_cast<std::uint32_t>(std::popcount(
-                                                       w.all & ((std::uint64_t{1} << (u & 63)) - 1)))];
+        const EdgePoint& p = s_.b.points[w.first + CountBits(w.all & ((std::uint64_t{1} << (u & 63)) - 1))];
         ++u;
         if (ContrastOf(p) < kMinShare * arc.contrast) continue;
         const Vector2d ideal = Ideal(p.u, p.v);
