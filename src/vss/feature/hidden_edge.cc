@@ -1,10 +1,10 @@
 #include "vss/feature/hidden_edge.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "vss/feature/normal_equations.h"
 #include "vss/feature/strip_sums.h"
 
 namespace vss {
@@ -78,7 +78,9 @@ double Fit(Bins& bins, double blur, Pair& m) {
     h(5, 5) += prior, g[5] += prior * (blur - m.blur);
     h.diagonal() *= 1 + 1e-6;
     if (i == 0) h(0, 0) += 1e12, h(1, 1) += 1e12, h(5, 5) += 1e12;
-    const Eigen::Matrix<double, 6, 1> step = h.selfadjointView<Eigen::Lower>().ldlt().solve(g);
+    const Cholesky<6> solver(h);
+    if (!solver.ok()) return -1;
+    const Eigen::Matrix<double, 6, 1> step = solver.Solve(g);
     if (!step.allFinite()) return -1;
     const double largest = std::max(std::abs(step[0]), std::abs(step[1]));
     close = i > 0 && largest < kLastStepPx;

@@ -1,9 +1,9 @@
 #include "vss/feature/strip_fit.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
+#include "vss/feature/normal_equations.h"
 #include "vss/feature/strip_pixels.h"
 #include "vss/feature/strip_sums.h"
 
@@ -46,9 +46,9 @@ bool Solve(const StripSums<P>& s, bool levels_only, int places, Eigen::Matrix<do
   constexpr double kHold = 1e12;
   for (int i = 0; levels_only && i < P; ++i)
     if (i < places || i == P - 1) h(i, i) += kHold;
-  const Eigen::LDLT<Eigen::Matrix<double, P, P>> solver(h);
-  if (solver.info() != Eigen::Success || !solver.isPositive()) return false;
-  step = solver.solve(g);
+  const Cholesky<P> solver(h);
+  if (!solver.ok()) return false;
+  step = solver.Solve(g);
   return step.allFinite();
 }
 
@@ -138,11 +138,11 @@ bool Iterate(const StripSamples& samples, const StripWing (&wings)[2], const Blu
     if (stride == 1 && (change < kSmallStep || i + 1 >= iterations)) break;
     if (change < kCloseStep) stride = 1;
   }
-  const Eigen::Matrix<double, P, P> inverse =
-      information.ldlt().solve(Eigen::Matrix<double, P, P>::Identity());
+  const Cholesky<P> solver(information);
+  if (!solver.ok()) return false;
   f.covariance.setZero();
   f.covariance.template topLeftCorner<2 * kEdges, 2 * kEdges>() =
-      inverse.template topLeftCorner<2 * kEdges, 2 * kEdges>();
+      solver.template InverseOfFirst<2 * kEdges>();
   f.residual2 = sums.residual2, f.weight = sums.weight, f.parameters = P;
   return f.covariance.allFinite();
 }
