@@ -27,13 +27,20 @@ class Cholesky {
 
   bool ok() const { return ok_; }
 
-  Eigen::Matrix<double, N, 1> Solve(const Eigen::Matrix<double, N, 1>& g) const {
+  // L^-1 g: the square of each is by how much that unknown, when the earlier ones are free already, lowers a
+  // sum of squares.
+  Eigen::Matrix<double, N, 1> Forward(const Eigen::Matrix<double, N, 1>& g) const {
     Eigen::Matrix<double, N, 1> x;
     for (int i = 0; i < N; ++i) {
       double s = g[i];
       for (int k = 0; k < i; ++k) s -= l_[i][k] * x[k];
       x[i] = s * inverse_[i];
     }
+    return x;
+  }
+
+  Eigen::Matrix<double, N, 1> Solve(const Eigen::Matrix<double, N, 1>& g) const {
+    Eigen::Matrix<double, N, 1> x = Forward(g);
     for (int i = N; i-- > 0;) {
       double s = x[i];
       for (int k = i + 1; k < N; ++k) s -= l_[k][i] * x[k];
