@@ -8,6 +8,7 @@
 
 #include "vss/feature/arc_curve.h"
 #include "vss/feature/ellipse_fit.h"
+#include "vss/feature/normal_equations.h"
 #include "vss/feature/strip_fit.h"
 #include "vss/feature/strip_sums.h"
 #include "vss/geometry/rigid_transform.h"
@@ -212,8 +213,7 @@ class ArcFit {
         }
         u += std::countr_zero(rest);
         if (u > last) break;
-        const EdgePoint& p = s_.b.points[w.first + static_cast<std::uint32_t>(std::popcount(
-                                                       w.all & ((std::uint64_t{1} << (u & 63)) - 1)))];
+        const EdgePoint& p = s_.b.points[w.first + CountBits(w.all & ((std::uint64_t{1} << (u & 63)) - 1))];
         ++u;
         if (ContrastOf(p) < kMinShare * arc.contrast) continue;
         const Vector2d ideal = Ideal(p.u, p.v);
@@ -326,9 +326,9 @@ class ArcFit {
       h(i, i) *= 1 + 1e-9;
     }
     residual2_ = sums.residual2, weight_ = sums.weight;
-    const Eigen::LDLT<Eigen::Matrix<double, P, P>> solver(h);
-    if (solver.info() != Eigen::Success || !solver.isPositive()) return false;
-    const Eigen::Matrix<double, P, 1> step = solver.solve(g);
+    const Cholesky<P> solver(h);
+    if (!solver.ok()) return false;
+    const Eigen::Matrix<double, P, 1> step = solver.Solve(g);
     if (!step.allFinite()) return false;
     information_ =
         h.template topLeftCorner<5, 5>() -

@@ -36,8 +36,7 @@ struct Walker {
   }
   const EdgePoint& At(int u, int v) const {
     const PointMap::Word& w = WordOf(u, v);
-    return points[w.first +
-                  static_cast<std::uint32_t>(std::popcount(w.all & ((std::uint64_t{1} << (u & 63)) - 1)))];
+    return points[w.first + CountBits(w.all & ((std::uint64_t{1} << (u & 63)) - 1))];
   }
 
   // Which of the 25 pixels around `p` have a free point.

@@ -18,6 +18,14 @@ struct PointMap {
   std::vector<Word> word;
 };
 
+// Bits that are set, without a processor's instruction for it, which not every one has.
+inline std::uint32_t CountBits(std::uint64_t x) {
+  x -= x >> 1 & 0x5555555555555555u;
+  x = (x & 0x3333333333333333u) + (x >> 2 & 0x3333333333333333u);
+  x = (x + (x >> 4)) & 0x0F0F0F0F0F0F0F0Fu;
+  return static_cast<std::uint32_t>(x * 0x0101010101010101u >> 56);
+}
+
 // Chain i is points[order[start[i]] .. order[start[i + 1]]).
 struct EdgeChains {
   std::vector<std::uint32_t> order;

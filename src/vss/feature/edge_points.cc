@@ -292,13 +292,8 @@ float ParabolaOffset(const Profile& p) {
   return std::clamp(0.5f * (p.before - p.after) / bend, -0.5f, 0.5f);
 }
 
-// Variance of the Gaussian through the three values, px^2 along the axis.
-float ProfileVariance(const Profile& p) {
-  constexpr float kWidest = 25;               // px^2: an edge of 5 px blur, the widest that is of use
-  constexpr float kWidestRatio = 0.9607894f;  // exp(-1 / kWidest)
-  if (!(p.before > 0 && p.after > 0)) return static_cast<float>(kGradientVariance);
-  const float ratio = p.before * p.after / (p.at * p.at);
-  return ratio >= kWidestRatio ? kWidest : -1.0f / std::log(ratio);
+float ProfileRatio(const Profile& p) {
+  return p.before > 0 && p.after > 0 ? p.before * p.after / (p.at * p.at) : 0.0f;
 }
 
 template <class Value>
@@ -312,13 +307,13 @@ EdgePoint PointAt(const Rows<Value>& r, const int (&ring)[3], int u, int v, floa
   const Profile p = horizontal ? Profile{along(gx[u - 1], gy[u - 1]), length, along(gx[u + 1], gy[u + 1])}
                                : Profile{along(r.gx[ring[0]][u], r.gy[ring[0]][u]), length,
                                          along(r.gx[ring[2]][u], r.gy[ring[2]][u])};
-  const float offset = ParabolaOffset(p), cosine = horizontal ? x : y;
+  const float offset = ParabolaOffset(p);
   return {static_cast<float>(u) + (horizontal ? offset : 0),
           static_cast<float>(v) + (horizontal ? 0 : offset),
           x,
           y,
           length,
-          ProfileVariance(p) * cosine * cosine,
+          ProfileRatio(p),
           static_cast<std::uint32_t>(u),
           static_cast<std::uint32_t>(v)};
 }
@@ -363,6 +358,16 @@ void FindPoints(const GreyView& image, const NoiseMap& noise, double noise_sigma
 }
 
 }  // namespace
+
+float ProfileVariance(const EdgePoint& p) {
+  constexpr float kWidest = 25;               // px^2: an edge of 5 px blur, the widest that is of use
+  constexpr float kWidestRatio = 0.9607894f;  // exp(-1 / kWidest)
+  const float cosine = std::abs(p.nu) >= std::abs(p.nv) ? p.nu : p.nv;
+  const float along_axis = !(p.profile_ratio > 0)            ? static_cast<float>(kGradientVariance)
+                           : p.profile_ratio >= kWidestRatio ? kWidest
+                                                             : -1.0f / std::log(p.profile_ratio);
+  return along_axis * cosine * cosine;
+}
 
 void EstimateNoise(const GreyView& image, float min_sigma, EdgeBuffers& b, NoiseMap& noise) {
   noise.columns = (image.width + NoiseMap::kTilePx - 1) / NoiseMap::kTilePx;

@@ -18,11 +18,15 @@ inline constexpr double kGradientNoise = 26.457513110645906;  // sqrt(70 * 10)
 inline constexpr double kGradientVariance = 0.875;            // mean of 1 (binomial) and 0.75 (derivative)
 
 // `u`, `v`: px, img. `nu`, `nv`: unit vector towards the bright side. `strength`: length of the gradient,
-// filter units. `width2_px2`: variance of the gradient's profile across the edge.
+// filter units. `profile_ratio`: of the gradients before and after it, their product over its own square; 0
+// where they have not all the same sign.
 struct EdgePoint {
-  float u, v, nu, nv, strength, width2_px2;
+  float u, v, nu, nv, strength, profile_ratio;
   std::uint32_t cell_u, cell_v;  // the pixel that it was found at
 };
+
+// Variance of the gradient's profile across the edge, px^2: of the Gaussian through the three gradients.
+float ProfileVariance(const EdgePoint& point);
 
 // Noise of a picture in tiles: sigma in grey levels, from the mean absolute response to the mask (1 -2 1)^T
 // (1 -2 1), which is blind to straight edges along the axes and to shading (Immerkaer 1996), median over a

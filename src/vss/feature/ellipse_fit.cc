@@ -99,38 +99,38 @@ double DistanceAndJacobian(const Turned& turned, const Vector2d& p, Vector5d* ja
   return f / g;
 }
 
-bool Step(std::span<const Vector2d> points, Ellipse& e) {
-  Matrix5d h = Matrix5d::Zero();
-  Vector5d b = Vector5d::Zero();
-  const Turned turned{e};
-  for (const auto& p : points) {
-    Vector5d j = Vector5d::Zero();
-    const double r = DistanceAndJacobian(turned, p, &j);
-    h += j * j.transpose();
-    b += j * r;
-  }
-  h.diagonal() += Vector5d(1e-9 * h.diagonal()) + Vector5d::Constant(1e-12);
-  const Vector5d step = h.ldlt().solve(b);
-  if (!step.allFinite()) return false;
-  e.center -= step.head<2>();
-  e.axes -= step.segment<2>(2);
-  e.angle_rad -= step[4];
-  return e.axes.minCoeff() > kMinAxisPx;
-}
+struct Judged {
+  EllipseFit fit;
+  Vector5d gradient = Vector5d::Zero();  // half of the sum of squares', by the ellipse
+};
 
-EllipseFit Judge(std::span<const Vector2d> points, const Ellipse& e) {
-  EllipseFit fit{e};
+Judged Judge(std::span<const Vector2d> points, const Ellipse& e) {
+  Judged out{{e}};
+  EllipseFit& fit = out.fit;
   double sum = 0;
   const Turned turned{e};
   for (const auto& p : points) {
     Vector5d j = Vector5d::Zero();
     const double r = DistanceAndJacobian(turned, p, &j);
     fit.information += j * j.transpose();
+    out.gradient += j * r;
     sum += r * r;
     fit.max_px = std::max(fit.max_px, std::abs(r));
   }
   fit.rms_px = std::sqrt(sum / double(points.size()));
-  return fit;
+  return out;
+}
+
+// Gauss-Newton from what was judged.
+bool Step(const Judged& at, Ellipse& e) {
+  Matrix5d h = at.fit.information;
+  h.diagonal() += Vector5d(1e-9 * h.diagonal()) + Vector5d::Constant(1e-12);
+  const Vector5d step = h.ldlt().solve(at.gradient);
+  if (!step.allFinite()) return false;
+  e.center -= step.head<2>();
+  e.axes -= step.segment<2>(2);
+  e.angle_rad -= step[4];
+  return e.axes.minCoeff() > kMinAxisPx;
 }
 
 }  // namespace
@@ -164,18 +164,18 @@ std::optional<EllipseFit> FitEllipse(std::span<const Vector2d> points, double ho
   if (!conic) return std::nullopt;
   auto ellipse = EllipseOf(*conic, centre, scale);
   if (!ellipse || !(ellipse->axes.y() > kMinAxisPx)) return std::nullopt;
-  EllipseFit best = Judge(points, *ellipse);
-  if (!(best.rms_px <= hopeless_px)) return std::nullopt;
+  Judged best = Judge(points, *ellipse);
+  if (!(best.fit.rms_px <= hopeless_px)) return std::nullopt;
   constexpr int kSteps = 4;
   for (int i = 0; i < kSteps; ++i) {
-    Ellipse next = best.ellipse;
-    if (!Step(points, next)) break;
+    Ellipse next = best.fit.ellipse;
+    if (!Step(best, next)) break;
     Normalise(next);
-    const EllipseFit fit = Judge(points, next);
-    if (!(fit.rms_px < best.rms_px)) break;
-    best = fit;
+    const Judged judged = Judge(points, next);
+    if (!(judged.fit.rms_px < best.fit.rms_px)) break;
+    best = judged;
   }
-  return best;
+  return best.fit;
 }
 
 }  // namespace vss

@@ -120,7 +120,7 @@ void AppendArc(const Scene& s, const FoundArc& found, LineImage& out) {
   for (auto i = found.begin; i < found.end; ++i) {
     const EdgePoint& p = s.PointAt(i);
     s.b.arc_points.emplace_back(p.u, p.v);
-    contrast += ContrastOf(p), variance += p.width2_px2;
+    contrast += s.b.contrast[i], variance += ProfileVariance(p);
     inward += (found.img.ellipse.center - Vector2d(p.u, p.v)).dot(Vector2d(p.nu, p.nv)) > 0 ? 1 : -1;
   }
   const double n = found.end - found.begin;

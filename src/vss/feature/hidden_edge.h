@@ -13,6 +13,6 @@ struct HiddenEdge {
 
 // Fits one edge and two to the mean profile across the edge: two parallel edges hardly differ from it. Empty
 // where two fit no better than one.
-std::optional<HiddenEdge> FindHiddenEdge(const StripProfile& profile);
+std::optional<HiddenEdge> FindHiddenEdge(const StripProfile& profile, Simd simd);
 
 }  // namespace vss

@@ -114,8 +114,7 @@ bool JoinFollower(const Scene& s, const StartGrid& grid, PieceState& a) {
 bool FillState(const Scene& s, const StraightPiece& p, PieceState& state) {
   constexpr double kShare = 0.6;
   double strength = 0, contrast = 0;
-  for (auto i = p.begin; i < p.end; ++i)
-    strength += s.PointAt(i).strength, contrast += ContrastOf(s.PointAt(i));
+  for (auto i = p.begin; i < p.end; ++i) strength += s.PointAt(i).strength, contrast += s.b.contrast[i];
   const double n = p.end - p.begin;
   state = {p, contrast / n, strength / n};
   const EdgePoint& middle = s.PointAt((p.begin + p.end) / 2);

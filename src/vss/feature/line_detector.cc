@@ -18,19 +18,20 @@ constexpr double kChainShare = 0.5;                         // of the significan
 constexpr double kQuantisationSigma = 0.28867513459481287;  // grey levels: 1/sqrt(12)
 
 // How far the point may lie off a line: three sigmas of its place, which follows from contrast and noise.
-float ToleranceOf(const EdgePoint& p, const Scene& s) {
+float ToleranceOf(const EdgePoint& p, double contrast, const Scene& s) {
   constexpr double kSigmas = 3.0;
   constexpr double kPlaceNoise =
       1.5;  // px of the point's place per noise over contrast: measured, blur 0.7 to 1.5 px
   constexpr double kMaxTolerancePx = 1.5;
   const double sigma = s.b.noise.At(p.cell_u, p.cell_v);
-  return static_cast<float>(std::clamp(kSigmas * kPlaceNoise * sigma / std::max(ContrastOf(p), 1e-9),
+  return static_cast<float>(std::clamp(kSigmas * kPlaceNoise * sigma / std::max(contrast, 1e-9),
                                        s.options.tolerance_px,
                                        std::max(kMaxTolerancePx, s.options.tolerance_px)));
 }
 
 void FillPositions(const Scene& s) {
   s.b.positions.clear();
+  s.b.contrast.clear();
   s.b.tolerance.clear();
   for (const auto i : s.b.chains.order) {
     const EdgePoint& p = s.b.points[i];
@@ -40,7 +41,8 @@ void FillPositions(const Scene& s) {
       if (ideal.allFinite()) at = ideal;
     }
     s.b.positions.push_back(at);
-    s.b.tolerance.push_back(ToleranceOf(p, s));
+    s.b.contrast.push_back(ContrastOf(p));
+    s.b.tolerance.push_back(ToleranceOf(p, s.b.contrast.back(), s));
   }
 }
 
@@ -62,7 +64,7 @@ LineSegment SegmentOf(const Scene& s, const PieceState& state) {
   out.sigma_angle_rad = sigma * std::sqrt(12.0) / state.Length();
   out.contrast = state.contrast;
   double variance = 0;
-  for (auto i = state.piece.begin; i < state.piece.end; ++i) variance += s.PointAt(i).width2_px2;
+  for (auto i = state.piece.begin; i < state.piece.end; ++i) variance += ProfileVariance(s.PointAt(i));
   out.blur_px =
       std::sqrt(std::max(0.0, variance / (state.piece.end - state.piece.begin) - kGradientVariance));
   out.rms_distance_px = state.piece.line.rms_px;

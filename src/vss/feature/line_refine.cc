@@ -145,7 +145,7 @@ Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const Li
   constexpr double kMinGain = 25;  // of the sum of squared residuals over their
                                    // variance, for three or four more parameters
   constexpr double kMinHiddenShare = 0.05;
-  const auto hidden = FindHiddenEdge(b.strip.profile);
+  const auto hidden = FindHiddenEdge(b.strip.profile, x.simd);
   if (!hidden || hidden->gain < kMinGain) return single;
   const StripSettings settings = SettingsFor(x, frame, s, known, corners);
   const Attempt two = FitWith(x, frame, hidden->main, &hidden->other, settings, b);

@@ -59,6 +59,7 @@ struct LineWorkspace::Buffers {
   EdgeChains chains;
   UndistortionGrid grid;
   std::vector<Eigen::Vector2d> positions;  // ideal, of the chains' points in order
+  std::vector<float> contrast;             // grey levels, of the same
   std::vector<float> tolerance;            // px, of the same
   std::vector<StraightPiece> pieces;
   std::vector<char> in_arc;  // per piece
@@ -90,9 +91,9 @@ struct Scene {
 inline constexpr double kMinPlaceSigmaPx = 0.03, kNeighbourCorrelation = 3.5;
 
 // Grey levels between the two sides: the profile is taken for a Gaussian edge seen through the filter.
-inline double ContrastOf(const EdgePoint& p) {
+inline float ContrastOf(const EdgePoint& p) {
   constexpr float kTwoPi = 6.2831853f;
-  const float variance = std::clamp(p.width2_px2, static_cast<float>(kGradientVariance), 25.0f);
+  const float variance = std::clamp(ProfileVariance(p), static_cast<float>(kGradientVariance), 25.0f);
   return p.strength / static_cast<float>(kGradientGain) * std::sqrt(kTwoPi * variance);
 }
 

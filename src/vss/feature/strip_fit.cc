@@ -1,9 +1,9 @@
 #include "vss/feature/strip_fit.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
+#include "vss/feature/normal_equations.h"
 #include "vss/feature/strip_pixels.h"
 #include "vss/feature/strip_sums.h"
 
@@ -22,6 +22,7 @@ struct Fitted {
   Eigen::Matrix4d covariance;  // of the places, per unit variance; a in half lengths
   double residual2 = 0, weight = 0;
   int parameters = 0;
+  bool linear = false, converged = false;  // the levels slope; the last step was small
 };
 
 double ResidualSigma(const Fitted& f) {
@@ -46,9 +47,9 @@ bool Solve(const StripSums<P>& s, bool levels_only, int places, Eigen::Matrix<do
   constexpr double kHold = 1e12;
   for (int i = 0; levels_only && i < P; ++i)
     if (i < places || i == P - 1) h(i, i) += kHold;
-  const Eigen::LDLT<Eigen::Matrix<double, P, P>> solver(h);
-  if (solver.info() != Eigen::Success || !solver.isPositive()) return false;
-  step = solver.solve(g);
+  const Cholesky<P> solver(h);
+  if (!solver.ok()) return false;
+  step = solver.Solve(g);
   return step.allFinite();
 }
 
@@ -135,16 +136,43 @@ bool Iterate(const StripSamples& samples, const StripWing (&wings)[2], const Blu
         f.model.blur + std::clamp(scale * step[P - 1], -0.5 * f.model.blur, 0.5 * f.model.blur);
     f.model.blur = static_cast<float>(std::clamp(blur, kMinBlurPx, kMaxBlurPx));
     const double change = levels_first && i == 0 ? kMaxStepPx : std::max(largest, std::abs(step[P - 1]));
-    if (stride == 1 && (change < kSmallStep || i + 1 >= iterations)) break;
+    f.converged = stride == 1 && change < kSmallStep;
+    if (f.converged || (stride == 1 && i + 1 >= iterations)) break;
     if (change < kCloseStep) stride = 1;
   }
-  const Eigen::Matrix<double, P, P> inverse =
-      information.ldlt().solve(Eigen::Matrix<double, P, P>::Identity());
+  const Cholesky<P> solver(information);
+  if (!solver.ok()) return false;
   f.covariance.setZero();
   f.covariance.template topLeftCorner<2 * kEdges, 2 * kEdges>() =
-      inverse.template topLeftCorner<2 * kEdges, 2 * kEdges>();
+      solver.template InverseOfFirst<2 * kEdges>();
   f.residual2 = sums.residual2, f.weight = sums.weight, f.parameters = P;
   return f.covariance.allFinite();
+}
+
+// Whether slopes of the levels explain more of the pixels than their number would of noise (Akaike 1974),
+// places, levels and blur being left free to follow.
+template <int kEdges>
+bool SlopesTell(const StripSamples& samples, const StripWing (&wings)[2], const BlurPrior& prior, Simd simd,
+                const StripModel& model) {
+  constexpr int P = NumStripParameters<kEdges, true>(), kConstant = 3 * kEdges + 1, kSlopes = 1 + kEdges;
+  StripSums<P> sums;
+  AccumulateStrip<kEdges, true>(samples, model, 1, simd, sums);
+  AddWings<kEdges, true>(wings, model, sums);
+  // The blur changes places with the slopes, which come last: what they gain is then what is left of them.
+  int order[P];
+  for (int i = 0; i < P; ++i) order[i] = i < kConstant ? i : i == kConstant ? P - 1 : i - 1;
+  sums.h[P - 1][P - 1] += prior.weight;
+  sums.g[P - 1] += prior.weight * (prior.blur - model.blur);
+  Eigen::Matrix<double, P, P> h;
+  Eigen::Matrix<double, P, 1> g;
+  for (int i = 0; i < P; ++i) {
+    g[i] = sums.g[order[i]];
+    for (int j = 0; j < P; ++j) h(i, j) = sums.h[order[i]][order[j]] * (i == j ? 1 + 1e-9 : 1.0);
+  }
+  const Cholesky<P> solver(h);
+  if (!solver.ok()) return false;
+  const double variance = std::max(sums.residual2 / std::max(1.0, sums.weight - P), kRoundingVariance);
+  return solver.Forward(g).template tail<kSlopes>().squaredNorm() > 2 * kSlopes * variance;
 }
 
 using IterateFunction = bool (*)(const StripSamples&, const StripWing (&)[2], const BlurPrior&, Simd, int,
@@ -153,6 +181,22 @@ using IterateFunction = bool (*)(const StripSamples&, const StripWing (&)[2], co
 IterateFunction IterateFor(int edges, bool linear) {
   if (edges == 1) return linear ? IterateFunction(Iterate<1, true>) : IterateFunction(Iterate<1, false>);
   return linear ? IterateFunction(Iterate<2, true>) : IterateFunction(Iterate<2, false>);
+}
+
+// Levels are constant unless their slopes tell: slopes that are not there cost a third of the angle's
+// certainty. Where constant levels leave more than noise, they are not.
+bool FitModel(const StripSamples& samples, const StripWing (&wings)[2], const BlurPrior& prior, double noise,
+              Simd simd, int edges, bool may_slope, Fitted& f) {
+  constexpr int kToComeClose = 2;
+  const int levels_first = edges > 1, iterations = kIterations + 2 * levels_first;
+  const auto constant = IterateFor(edges, false), linear = IterateFor(edges, true);
+  if (!may_slope) return constant(samples, wings, prior, simd, iterations, levels_first, f);
+  if (!constant(samples, wings, prior, simd, kToComeClose + levels_first, levels_first, f)) return false;
+  f.linear = ResidualSigma(f) > kExplainedShare * noise ||
+             (edges == 1 ? SlopesTell<1>(samples, wings, prior, simd, f.model)
+                         : SlopesTell<2>(samples, wings, prior, simd, f.model));
+  if (!f.linear && f.converged) return true;
+  return (f.linear ? linear : constant)(samples, wings, prior, simd, iterations, false, f);
 }
 
 float MedianOf(std::vector<float>& values) {
@@ -324,17 +368,17 @@ StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<cons
   f.model = StartModel(start, b, pixels, half, settings.start_blur_px);
   const StripSamples samples = Prepare(image, frame, settings, pixels, half, simd, b);
   constexpr int kLinearColumns = 24;  // fewer columns cannot tell a slope of the levels from noise
-  const auto iterate = IterateFor(edges, columns >= kLinearColumns);
+  const bool may_slope = columns >= kLinearColumns;
   BlurPrior prior;
   if (settings.blur_sigma_px > 0)
     prior = {settings.start_blur_px, std::pow(settings.noise_sigma / settings.blur_sigma_px, 2)};
   PrepareWings(half, settings.noise_sigma, b.wing);
-  const int iterations = kIterations + (edges > 1 ? 2 : 0);
-  if (!iterate(samples, b.wing, prior, simd, iterations, edges > 1, f)) return out;
+  if (!FitModel(samples, b.wing, prior, settings.noise_sigma, simd, edges, may_slope, f)) return out;
   // Where levels that hold far from the edge do not explain the strip, it goes without them.
   if (b.wing[0].n + b.wing[1].n > 0 && ResidualSigma(f) > kExplainedShare * settings.noise_sigma) {
     b.wing[0] = b.wing[1] = {};
-    if (!iterate(samples, b.wing, prior, simd, iterations, false, f)) return out;
+    const int iterations = kIterations + (edges > 1 ? 2 : 0);
+    if (!IterateFor(edges, f.linear)(samples, b.wing, prior, simd, iterations, false, f)) return out;
   }
   out.overexposed = edges == 1 && IsOverexposed(samples, f.model);
   PlaceColumns(b);
@@ -346,7 +390,7 @@ StripFit FitStrip(const GreyView& image, const StripFrame& frame, std::span<cons
   const int kept = DropOutliers(b, column_sigma);
   if (kept < std::max(kMinColumns, columns / 2)) return out;
   if (kept < columns) {
-    if (!iterate(samples, b.wing, prior, simd, 1, false, f)) return out;
+    if (!IterateFor(edges, f.linear)(samples, b.wing, prior, simd, 1, false, f)) return out;
     PlaceColumns(b);
     FillProfile(f.model, window.low, b);
   }

@@ -6,6 +6,7 @@ namespace vss {
 namespace {
 
 using Floats = float __attribute__((vector_size(kStripLanes * sizeof(float))));
+using Doubles = double __attribute__((vector_size(kStripLanes / 2 * sizeof(double))));
 using Ints = std::int32_t __attribute__((vector_size(kStripLanes * sizeof(float))));
 
 // exp(-y), y >= 0, to 2e-7 relative, by powers of two and a polynomial of the rest; not below exp(-25), since
