@@ -6,6 +6,7 @@
 
 #include "collect_picks.h"
 #include "part_of_fit.h"
+#include "propose.h"
 
 namespace vss::station {
 namespace {
@@ -219,6 +220,19 @@ Result<Json> LiveFit(Workspace& w, const Json& body) {
               {"placed", f.answer.placed},
               {"rms_px", f.answer.rms_px},
               {"ms", ms}};
+}
+
+Result<Json> ProposedContours(Workspace& w, const Json& body) {
+  const auto begin = std::chrono::steady_clock::now();
+  VSS_ASSIGN(const FitQuestion question, QuestionOf(w, body));
+  VSS_ASSIGN(const Proposal proposal,
+             ProposeContours(question, w.Views(), [&](int image) { return w.PicksOf(image); }));
+  Json readings = Json::array();
+  for (const auto& r : proposal.readings)
+    readings.push_back({{"contours", r.contours}, {"rms_px", r.rms_px}});
+  const double ms =
+      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+  return Json{{"readings", readings}, {"decided", proposal.decided}, {"ms", ms}};
 }
 
 }  // namespace vss::station

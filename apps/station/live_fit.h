@@ -25,6 +25,9 @@ Result<FitQuestion> QuestionOf(Workspace& workspace, const Json& body);
 Result<Fitted> Fit(Workspace& workspace, const Json& body);
 // The same for the page: part, picks with residuals, projections into all pictures, hints.
 Result<Json> LiveFit(Workspace& workspace, const Json& body);
+// Which contours the picks are, where the operator has not said it; those of the question are not looked at:
+// {"readings": [{"contours", "rms_px"}], "decided", "ms"}.
+Result<Json> ProposedContours(Workspace& workspace, const Json& body);
 
 // Takes the lines that lie on the part and fits it to them too. `part_id`: the part's own lines are free for
 // it.

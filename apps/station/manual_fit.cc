@@ -337,4 +337,10 @@ Result<FitAnswer> FitPicks(const FitQuestion& q, const std::vector<View>& views)
   return answer;
 }
 
+double RefinePicks(const FitQuestion& q, const std::vector<View>& views, PlacedObject& object) {
+  PlacedObject mean = UsualObject(q);
+  mean.placement = object.placement;
+  return Minimise(q, views, MakePrior(q, mean), kFinalSteps, false, object);
+}
+
 }  // namespace vss::station

@@ -56,4 +56,7 @@ struct FitAnswer {
 // `views`: all pictures, by index. Errors: no pick yet; picks that no placement of the object explains.
 Result<FitAnswer> FitPicks(const FitQuestion& question, const std::vector<View>& views);
 
+// `object` fitted to the picks from where it is, without a word on quality; returns the cost.
+double RefinePicks(const FitQuestion& question, const std::vector<View>& views, PlacedObject& object);
+
 }  // namespace vss::station

@@ -142,6 +142,7 @@ const std::vector<Routes::Route> Routes::kPostRoutes = {
     {"command",
      [](Routes& r, const Asked& a) { return RunCommand(r.workspace_, a.request, a.body, r.tell_); }},
     {"fit", [](Routes& r, const Asked& a) { return AnswerOf(LiveFit(r.workspace_, a.body)); }},
+    {"propose", [](Routes& r, const Asked& a) { return AnswerOf(ProposedContours(r.workspace_, a.body)); }},
     {"cut", [](Routes& r, const Asked& a) { return AnswerOf(CutPreview(r.workspace_, a.body)); }},
     {"drawing", [](Routes& r, const Asked& a) { return AnswerOf(r.Drawing(a.body)); }},
 };

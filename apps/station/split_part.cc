@@ -39,8 +39,10 @@ Result<Whole> WholeOf(const Part& part, const std::string& along, const Knowledg
     return along.empty() || defs[a.dimension].name == along;
   });
   if (cut == axes.end())
-    return UsageError("a {} cannot be cut along its {}; build its pieces by hand", part.kind,
-                      along.empty() ? "dimensions" : along.substr(0, 40));
+    return UsageError(
+        "a {} cannot be cut along its {}: the pieces would be no kind of the knowledge base; build them by "
+        "hand",
+        part.kind, along.empty() ? "dimensions" : along.substr(0, 40));
   w.cut = *cut;
   const DimensionDef& def = defs[cut->dimension];
   w.along = def.name;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "reduced_views.h"
 #include "snap.h"
 #include "vss/base/parallel.h"
 
@@ -165,6 +166,7 @@ std::vector<View> Workspace::Views() const {
         known ? TransformFromJson(places[std::size_t(view.image)]) : view.cam_from_world;
     view = MakeView(view.image, *view.camera, cam_from_world, view.stop, nullptr);
   }
+  if (run) ReduceViews(*run->value, views);
   std::lock_guard lock(mutex_);
   last_views_ = {revision, &survey, views};
   return views;

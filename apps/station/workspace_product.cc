@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "checks_json.h"
+#include "reduced_views.h"
 #include "vss/product/make_part.h"
 #include "workspace.h"
 
@@ -57,7 +58,8 @@ Result<Part> Workspace::Measured(const Part& part) const {
   std::int64_t version = 0;
   const SurveyOptions options = OptionsOfLastRun(&version);
   const std::vector<LineImage> no_lines(survey().images.size());
-  const std::vector<View> views = MakeViews(survey(), no_lines);
+  std::vector<View> views = MakeViews(survey(), no_lines);
+  if (const auto run = store_->Get("settings", "run")) ReduceViews(*run->value, views);
   std::vector<IdentifiedPart> found;
   std::map<std::string, int> index;
   std::vector<StationPart> parts = Parts();

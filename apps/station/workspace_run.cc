@@ -3,6 +3,7 @@
 #include <set>
 
 #include "checks_json.h"
+#include "reduced_views.h"
 #include "workspace.h"
 
 namespace vss::station {
@@ -211,7 +212,8 @@ Result<Json> Workspace::Run(const std::string& who, const SurveyOptions& options
   if (product.temperature)
     run["temperature"] = {{"workpiece_c", product.temperature->workpiece_c},
                           {"expansion_ppm_per_k", product.temperature->expansion_ppm_per_k},
-                          {"factor", product.temperature->factor}};
+                          {"factor", product.temperature->factor},
+                          {"middle", JsonOf(MiddleOfReduction(product.parts))}};
   changes.push_back({"settings", "run", run, {}});
   const auto revision = store_->Apply(who, "survey: " + PartsOf(product), changes);
   if (!revision) return tl::unexpected<Error>({ErrorCode::kInternal, revision.error().message});

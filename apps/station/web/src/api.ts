@@ -1,5 +1,5 @@
 import { t } from './texts';
-import type { CalibrationJobs, Cut, Difference, Fit, HistoryRow, KnownObject, Lines, Piece, Projection, ScenePart, SceneSeam, State, Survey } from './types';
+import type { CalibrationJobs, Cut, Difference, Fit, HistoryRow, KnownObject, Lines, Piece, Projection, Proposal, ScenePart, SceneSeam, State, Survey } from './types';
 
 export class Refused extends Error {
   constructor(public status: number, message: string) { super(message); }
@@ -38,6 +38,7 @@ export const api = {
   drawing: (kind: string, features: string[] | undefined, dimensions: Record<string, number> = {}, resting_pose = 0) => ask<{ pieces: Piece[]; size: number }>('drawing', { kind, features, dimensions, resting_pose }),
   cut: (part: string, image: number, at: [number, number], along: string) => ask<Cut>('cut', { part, image, at, along }),
   fit: (question: object) => ask<Fit>('fit', question),
+  propose: (question: object) => ask<Proposal>('propose', question),
   command: (name: string, args: object = {}) => ask<Record<string, unknown> & { revision: number }>('command', { do: name, ...args }),
 };
 

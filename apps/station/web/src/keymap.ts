@@ -5,7 +5,7 @@ export const usualKeys: Keys = {
   keys: '?', picture: '1', scene: '2', both: '3', previous: 'PageUp', next: 'PageDown', zoomIn: '+', zoomOut: '-', whole: '0',
   left: 'ArrowLeft', right: 'ArrowRight', up: 'ArrowUp', down: 'ArrowDown',
   grey: 'g', lines: 'l', parts: 'p', hidden: 'h', residuals: 'r', vertices: 'v', colour: 'k',
-  doubtful: 'n', confirm: 'c', build: 'b', correct: 'e', collect: 'a', draw: 'd', curve: 'o', split: 's', extend: 'x', merge: 'm', delete: 'Delete',
+  doubtful: 'n', confirm: 'c', build: 'b', correct: 'e', collect: 'a', propose: 'w', draw: 'd', curve: 'o', split: 's', extend: 'x', merge: 'm', delete: 'Delete',
 };
 // Keys that always mean the same.
 const fixedKeys = ['Escape', 'Enter', 'Tab', ' ', 'F1', 'Shift', 'Control', 'Alt', 'Meta'];

@@ -15,7 +15,7 @@ const actions: Record<string, Action> = {
   grey: layer('picture'), lines: layer('lines'), parts: layer('parts'), hidden: layer('hidden'), residuals: layer('residuals'), vertices: layer('vertices'),
   colour: () => { s.colourBy = colours[(colours.indexOf(s.colourBy) + 1) % 3]; s.keep(); },
   doubtful: () => void s.nextTask(), confirm: () => { if (s.part) void s.confirm(s.part, true); },
-  build: () => s.startBuild(), correct: () => { if (s.part) s.correct(s.part); }, collect: () => { if (s.build) void s.ask(true); },
+  build: () => s.startBuild(), correct: () => { if (s.part) s.correct(s.part); }, collect: () => { if (s.build) void s.ask(true); }, propose: () => void s.propose(),
   draw: tool('draw'), curve: tool('arc'), split: tool('split'), extend: tool('extend'), merge: tool('merge'),
   delete: () => {
     if (s.line) void s.removeLine(s.line);
@@ -31,6 +31,7 @@ export function handleKey(e: KeyboardEvent, picture: (name: string) => boolean) 
   if (s.showKeys) return;  // the dialog has its own
   if (e.key === 'Escape') {
     if (s.tool !== 'look') s.tool = 'look';
+    else if (s.proposed) s.endProposal(false);
     else if (s.line) s.line = null;
     else if (s.build && s.build.picks.length === 0) s.stopBuild();
     else if (s.selected) s.selected = '';
@@ -47,6 +48,7 @@ export function handleKey(e: KeyboardEvent, picture: (name: string) => boolean) 
     return;
   }
   if (e.altKey) return;
+  if (e.key === 'Enter' && s.proposed && target.tagName !== 'BUTTON' && target.tagName !== 'A') { e.preventDefault(); s.endProposal(true); return; }
   if (e.key === 'Enter' && s.build && target.tagName !== 'BUTTON' && target.tagName !== 'A') { e.preventDefault(); void s.savePart(); return; }
   const onTab = target.getAttribute('role') === 'tab' || (target as HTMLInputElement).type === 'range';
   if (e.key === 'Tab') { if (!onTab && picture('Tab')) e.preventDefault(); return; }

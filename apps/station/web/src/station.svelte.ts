@@ -3,10 +3,11 @@ import { api, download, endEarly, listen, Refused, setWho } from './api';
 import { contourAt, samePlace, type Contour } from './contours';
 import type { Keys } from './keymap';
 import { arcPoints, LineIndex, linePoints, type ColourBy, type Found } from './lines';
+import { readAs, samePicks } from './proposal';
 import { tasksOf, type Unknown } from './queue';
 import { t } from './texts';
 import { plainTone, type Tone } from './tone';
-import type { Fit, Hint, Item, KnownObject, Lines, Parameter, Part, Pick, Piece, Projection, Run, ScenePart, SceneSeam, State, Survey } from './types';
+import type { Fit, Hint, Item, KnownObject, Lines, Parameter, Part, Pick, Piece, Projection, Proposal, Run, ScenePart, SceneSeam, State, Survey } from './types';
 
 export type Tab = 'parts' | 'todo' | 'build' | 'parameters' | 'cameras' | 'history' | 'help';
 export type Tool = 'look' | 'draw' | 'arc' | 'cut' | 'split' | 'extend' | 'merge' | 'remove';
@@ -69,6 +70,7 @@ class Station {
   build = $state<Build | null>(null);
   fit = $state.raw<Fit | null>(null);
   fitError = $state('');
+  proposed = $state.raw<{ readings: Proposal['readings']; decided: boolean; shown: number; before: Pick[] } | null>(null);  // shown, but not accepted yet
 
   compared = $state(0);                  // the edit before which the pictures show changed parts, dotted
   before = $state.raw<{ image: number; edit: number; pieces: Piece[] } | null>(null);
@@ -82,6 +84,7 @@ class Station {
     .sort((a, b) => a.id.localeCompare(b.id, 'en', { numeric: true })));
   part = $derived(this.parts.find((p) => p.id === this.selected) ?? null);
   unknown = $derived(((this.items.get('settings/run')?.value as { unknown?: Unknown[] } | undefined)?.unknown ?? []));
+  reduced = $derived(!!(this.items.get('settings/run')?.value as { temperature?: object } | undefined)?.temperature);  // lengths are as at 20 degrees
   tasks = $derived(tasksOf(this.parts, this.unknown));
   // Which part uses a line: "image:line" -> part; arcs as "image:a:line".
   users = $derived.by(() => {
@@ -364,7 +367,7 @@ class Station {
   // ---- by hand ----
   startBuild(kind = '') {
     this.build = { kind, part: '', standsOn: 'ground', restingPose: '', picks: [], fixed: {}, contour: null };
-    this.fit = null; this.fitError = '';
+    this.fit = null; this.fitError = ''; this.proposed = null;
     this.tab = 'build'; this.tool = 'look';
     if (this.view === 'scene') this.view = 'both';
   }
@@ -372,12 +375,12 @@ class Station {
     const picks = part.matches.map((m) => ({ image: this.imageOf(m.image), line: m.line, contour: m.edge, circle: m.arc, residual_px: m.residual_px }));
     const fixed = Object.fromEntries(Object.entries(part.dimensions).filter(([, d]) => d.origin === 'given by the operator').map(([n, d]) => [n, d.value]));
     this.build = { kind: part.kind, features: part.features, part: part.id, standsOn: part.stands_on, restingPose: part.resting_pose, picks, fixed, contour: null };
-    this.fit = null; this.fitError = '';
+    this.fit = null; this.fitError = ''; this.proposed = null;
     this.tab = 'build'; this.tool = 'look';
     this.selected = part.id;
     void this.ask();
   }
-  stopBuild() { this.build = null; this.fit = null; this.fitError = ''; this.tab = 'parts'; this.keep(); }
+  stopBuild() { this.build = null; this.fit = null; this.proposed = null; this.fitError = ''; this.tab = 'parts'; this.keep(); }
 
   private question(collect = false) {
     const b = this.build!;
@@ -406,6 +409,7 @@ class Station {
   pick(line: number, circle: boolean) {
     const b = this.build;
     if (!b) return;
+    this.proposed = null;
     const had = b.picks.findIndex((p) => p.image === this.image && p.line === line && p.circle === circle);
     if (had >= 0) {  // a second click takes the line out
       b.picks.splice(had, 1);
@@ -421,6 +425,37 @@ class Station {
     if (b.contour.circle !== circle) { this.say(t.build.otherShape(b.contour.circle), true); return; }
     b.picks.push({ image: this.image, line, contour: b.contour.index, circle });
     this.advance?.();
+    void this.ask();
+  }
+  // Which line is which: VSS's reading of the picks is shown until the operator accepts it or goes back.
+  async propose() {
+    const b = this.build;
+    if (!b?.kind) return;
+    if (b.picks.length === 0) { this.say(t.build.proposeFirst); return; }
+    const before = b.picks.map((p) => ({ ...p }));
+    try {
+      const { readings, decided } = await api.propose(this.question());
+      if (this.build !== b || !samePicks(b.picks, before)) return;  // the operator went on
+      this.proposed = { readings, decided, shown: 0, before };
+      this.showReading(0);
+    } catch (e) { this.proposed = null; this.complain(e as Error); }
+  }
+  showReading(i: number) {
+    if (!this.build || !this.proposed) return;
+    this.proposed = { ...this.proposed, shown: i };
+    this.build.picks = readAs(this.proposed.before, this.proposed.readings[i].contours);
+    void this.ask();
+  }
+  endProposal(accept: boolean) {
+    if (!this.build || !this.proposed) return;
+    if (!accept) { this.build.picks = this.proposed.before; void this.ask(); }
+    this.proposed = null;
+  }
+  // Another contour for a pick.
+  reassign(i: number, contour: number) {
+    if (!this.build) return;
+    this.proposed = null;
+    this.build.picks[i].contour = contour;
     void this.ask();
   }
   private pointsOf(line: number, circle: boolean): number[] {

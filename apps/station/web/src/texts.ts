@@ -46,7 +46,8 @@ export const t = {
   wouldSelect: (part: string) => `Click: selects ${part}`, wouldSelectLine: 'Click: selects this line',
   pointer: (u: number, v: number, g: number | null) => `u ${u.toFixed(1)}  v ${v.toFixed(1)}${g === null ? '' : `  grey ${g}`}`,
   zoom: (s: number) => `${Math.round(s * 100)} %`, fitView: 'Show the whole picture', zoomIn: 'Zoom in', zoomOut: 'Zoom out', previous: 'Previous picture', next: 'Next picture',
-  overlap: (i: number, n: number) => `line ${i} of ${n} here; Tab goes to the next`,
+  overlap: (i: number, n: number) => `line ${i} of ${n} here; Tab goes to the next, or hold a finger on them`,
+  chooseLine: 'Which of these lines?', lineHere: (i: number, px: number, part: string) => `line ${i}, ${px.toFixed(0)} px long${part ? `, of ${part}` : ''}`,
   parts: {
     none: 'No parts yet.', noneHint: 'Run the survey, or build a part by hand.', source: { automatic: 'automatic', corrected: 'corrected', manual: 'by hand' },
     doubtful: 'doubtful', confirmed: 'confirmed', confirm: 'Confirm', unconfirm: 'Take back', correct: 'Correct lines', remove: 'Delete', refit: 'Fit its lines', refitHelp: 'Takes every line that lies on the part and fits it to them', measure: 'Measure', measureHelp: 'Measures its edges in the grey values of all pictures, as the survey does',
@@ -61,7 +62,8 @@ export const t = {
   },
   build: {
     title: 'Build a part by hand', correct: (id: string) => `Correct ${id}`, chooseKind: 'What is it?', wouldPick: (name: string) => `Click: this line is ${name}`, wouldDrop: 'Click: drops this line', contourName: (circle: boolean, i: number) => `${circle ? 'rim' : 'edge'} ${i + 1}`, drawing: (kind: string) => `Contours of a ${kind}`, hiddenHere: ', hidden here', isPicked: ', picked', otherShape: (circle: boolean) => circle ? 'This contour is a rim: click a curved line.' : 'This contour is straight: click a straight line.', bandNeedsFit: 'Pick some lines first: with a first fit, a box takes all lines in it that lie on the part.',
-    contourHint: 'Click a contour in the drawing, then its line in a picture.',
+    contourHint: 'Click a contour in the drawing, then its line in a picture. Or click lines of the part in any order, and let VSS say which is which.',
+    propose: 'Which line is which?', proposeHelp: 'VSS proposes the contour of each picked line', proposeFirst: 'Pick some lines of the part first, in any order.', proposal: 'This fits the lines best. Look at it in the pictures.', undecided: (n: number) => n === 1 ? 'This line does not decide what is what: pick more lines, in other directions or another picture.' : `These ${n} lines do not decide: another reading is nearly as good. Compare the two, or pick one more line, in another direction or another picture.`, accept: 'Accept', other: (i: number, n: number) => `Show the other (${i} of ${n})`, back: 'As before', contourOf: (name: string) => `Contour of ${name}`,
     nextContour: 'Next contour', picks: (n: number) => plural(n, 'line') + ' picked', collect: 'Take all lines that fit', save: 'Save part', stop: 'Stop', live: (ms: number) => `fitted in ${ms.toFixed(0)} ms`,
     notPlaced: 'Not placed yet: pick more edges that run in different directions.', hint: (d: string, picture: string) => `${d} is not observable yet. The highlighted contour in ${picture} would show it.`, show: 'Show it',
     drop: 'Drop this line', dropLast: 'Drop the last line', fix: 'Give mm', fixHelp: 'A dimension that you know: it stays as you give it', fixLabel: (d: string) => `Give ${d} in mm`, standsOn: 'Stands on', pose: 'Lies', rms: (v: number | null) => `residual ${v === null ? '?' : v.toFixed(2)} px`, taken: (name: string) => `Taken as ${name}, which lies there.`, lines: 'Lines picked',
@@ -85,7 +87,7 @@ export const t = {
   help: { title: 'Help', here: 'Help for this panel', parameter: 'Parameter', search: 'Search the manual', none: 'Nothing found.', back: 'All pages', empty: 'This program was built without its manual.' },
   scene: {
     label: (n: number) => `3D view of ${plural(n, 'part')}`, direction: 'Direction of the section', wouldSelect: (part: string) => `Click: selects ${part}`, at: (mm: number) => `${mm.toFixed(0)} mm`, whole: 'whole',
-    reset: 'Reset view', top: 'From above', section: 'Section', across: { z: 'from above', x: 'along x', y: 'along y' } as Record<string, string>, measure: 'Measure', measureHint: 'Click two vertices.', cameras: 'Cameras', empty: 'Nothing to show yet.', result: (d: number, s: number | null) => `${d.toFixed(2)} mm${s === null ? '' : ` ± ${(2 * s).toFixed(2)} mm (2σ)`}`,
+    reset: 'Reset view', top: 'From above', section: 'Section', across: { z: 'from above', x: 'along x', y: 'along y' } as Record<string, string>, measure: 'Measure', measureHint: 'Click two vertices.', cameras: 'Cameras', empty: 'Nothing to show yet.', result: (d: number, s: number | null, reduced: boolean) => `${d.toFixed(2)} mm${s === null ? '' : ` ± ${(2 * s).toFixed(2)} mm (2σ)`}${reduced ? ' at 20 °C' : ''}`,
     delta: (d: number[]) => `Δx ${d[0].toFixed(1)}  Δy ${d[1].toFixed(1)}  Δz ${d[2].toFixed(1)} mm`, failed: 'The 3D view could not be loaded. Load the page again.', seams: (n: number) => plural(n, 'seam') + ' (red)', noWebgl: 'This browser has no WebGL: the 3D view is drawn as lines.',
   },
   guideSteps: [
@@ -101,11 +103,11 @@ export const t = {
   keys: {
     keys: 'These shortcuts', picture: 'Picture', scene: '3D', both: 'Picture and 3D', previous: 'Previous picture', next: 'Next picture', zoomIn: 'Zoom in', zoomOut: 'Zoom out', whole: 'Whole picture',
     left: 'Look left', right: 'Look right', up: 'Look up', down: 'Look down', grey: 'Grey picture', lines: 'Lines', parts: 'Parts', hidden: 'Hidden edges', residuals: 'Residuals', vertices: 'Vertices', colour: 'Colour of the lines',
-    doubtful: 'Next doubtful part', confirm: 'Confirm the selected part', build: 'New part by hand', correct: 'Correct lines of the selected part', collect: 'Take all lines that fit', draw: 'Draw a missing line', curve: 'Draw a missing curve', split: 'Split a line', extend: 'Extend a line', merge: 'Merge two lines',
+    doubtful: 'Next doubtful part', confirm: 'Confirm the selected part', build: 'New part by hand', correct: 'Correct lines of the selected part', collect: 'Take all lines that fit', propose: 'Propose which picked line is which', draw: 'Draw a missing line', curve: 'Draw a missing curve', split: 'Split a line', extend: 'Extend a line', merge: 'Merge two lines',
     delete: 'Delete the part, or remove the line',
   } as Record<string, string>,
   fixedKeys: [
-    ['Enter', 'Save the part that is being built'], ['Tab', 'Next line where lines lie on each other; turns a cut (pointer over the picture)'], ['Ctrl+Z', 'Undo'], ['Ctrl+Y', 'Redo'], ['F1', 'Help'], ['Esc', 'Back'],
+    ['Enter', 'Save the part that is being built; accept a proposal'], ['Tab', 'Next line where lines lie on each other; turns a cut (pointer over the picture)'], ['Long press', 'On a touch screen: chooses among lines that lie on each other'], ['Ctrl+Z', 'Undo'], ['Ctrl+Y', 'Redo'], ['F1', 'Help'], ['Esc', 'Back'],
   ] as [string, string][],
 };
 

@@ -50,6 +50,9 @@ export interface Pick { image: number; line: number; contour: number; circle: bo
 export interface Hint { dimension: string; image: number; contour: number; circle: boolean }
 export interface Fit { part: Part; picks: Pick[]; projections: Record<string, Piece[]>; hints: Hint[]; placed: boolean; rms_px: number | null; ms: number }
 
+// How the picks may be read: the contour of each; best first.
+export interface Proposal { readings: { contours: number[]; rms_px: number }[]; decided: boolean; ms: number }
+
 export interface Cut { share: number; along: string; lengths: [number, number]; pieces: Piece[]; refused?: string }
 
 export interface HistoryRow { revision: number; edit: number; action: 'edit' | 'undo' | 'redo'; who: string; when: string; label: string }

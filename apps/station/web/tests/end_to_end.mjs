@@ -694,6 +694,34 @@ await test('identifies a box by hand from an empty start with at most 12 clicks'
   assert.equal(measured.source, 'manual');
 });
 
+await test('says which picked line is which, in any order, before there is a fit', async () => {
+  await page.locator('.strip button').nth(byHand.image).click();
+  await page.waitForFunction((i) => document.body.dataset.picture === String(i), byHand.image);
+  await page.keyboard.press('0');
+  await tab('parts');
+  await page.getByRole('button', { name: 'New part by hand' }).click();
+  await page.locator('.kinds button', { hasText: /^\s*(box|plate|Box|cuboid)/i }).first().click();
+  await page.locator('.drawing[data-current^=edge]').waitFor();
+  const screen = await toScreen(), places = Object.keys(byHand.clicks).map(Number).sort((a, b) => b - a).slice(0, 7);
+  for (const edge of places) await page.mouse.click(...screen(byHand.clicks[edge]));  // not as the drawing asks
+  await page.locator(`[data-fitted="${places.length}"]`).waitFor();
+  await page.keyboard.press('w');
+  await page.locator('.proposal').waitFor();
+  await page.waitForTimeout(300);
+  await page.getByRole('button', { name: /^Accept/ }).click();
+  await page.locator('.proposal').waitFor({ state: 'detached' });
+  await page.getByRole('button', { name: /Take all lines/ }).click();
+  await until('more lines are taken', async () => Number(/(\d+) lines picked/.exec(await page.locator('.panel [role=status]').first().innerText())?.[1] ?? 0) > places.length);
+  const had = (await parts()).map((p) => p.id);
+  await page.getByRole('button', { name: /Save part/ }).click();
+  await until('the part is saved', async () => (await parts()).length === had.length + 1);
+  const part = (await parts()).find((p) => !had.includes(p.id));
+  const error = truth ? Math.min(...truth.parts.map((t) => vertexError(part, t))) : vertexError(part, byHand.part);
+  assert.ok(error < 2, `off by ${error} mm`);
+  await page.keyboard.press('Control+z');
+  await until('it is undone', async () => (await parts()).length === had.length);
+});
+
 await test('keeps every confirmed edit when it is killed in mid-edit, and goes on', async () => {
   const target = (await parts())[0];
   assert.ok(target, 'there is no part to edit');

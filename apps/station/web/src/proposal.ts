@@ -1,0 +1,11 @@
+// A proposal of which picked line is which contour.
+import type { Pick } from './types';
+
+export function readAs(picks: Pick[], contours: number[]): Pick[] {
+  return picks.map((p, i) => ({ ...p, contour: contours[i] ?? p.contour, residual_px: null }));
+}
+
+// Whether they are the same lines, in the same order.
+export function samePicks(a: Pick[], b: Pick[]): boolean {
+  return a.length === b.length && a.every((p, i) => p.image === b[i].image && p.line === b[i].line && p.circle === b[i].circle);
+}
