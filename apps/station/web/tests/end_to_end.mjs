@@ -710,14 +710,12 @@ await test('says which picked line is which, in any order, before there is a fit
   await page.waitForTimeout(300);
   await page.getByRole('button', { name: /^Accept/ }).click();
   await page.locator('.proposal').waitFor({ state: 'detached' });
-  await page.getByRole('button', { name: /Take all lines/ }).click();
-  await until('more lines are taken', async () => Number(/(\d+) lines picked/.exec(await page.locator('.panel [role=status]').first().innerText())?.[1] ?? 0) > places.length);
   const had = (await parts()).map((p) => p.id);
   await page.getByRole('button', { name: /Save part/ }).click();
   await until('the part is saved', async () => (await parts()).length === had.length + 1);
   const part = (await parts()).find((p) => !had.includes(p.id));
   const error = truth ? Math.min(...truth.parts.map((t) => vertexError(part, t))) : vertexError(part, byHand.part);
-  assert.ok(error < 2, `off by ${error} mm`);
+  assert.ok(error < 6, `off by ${error} mm`);  // one picture's lines alone; a wrong contour is off by a side of the box
   await page.keyboard.press('Control+z');
   await until('it is undone', async () => (await parts()).length === had.length);
 });
