@@ -827,6 +827,18 @@ await test('works on a tablet', async () => {
   for (let d = 0; d <= 90; d += 15) await send('touchMove', [x + d, y + d]);
   await send('touchEnd');
   await until('one finger has moved it', async () => (await at()) !== there);
+  // Held where two lines meet, it chooses between them.
+  await page.keyboard.press('0');
+  const image = Number(await page.evaluate(() => document.body.dataset.picture)), ends = (await ask(station.url, `pictures/${image}/lines`)).json.segments.flatMap((l) => [{ line: l[0], p: [l[1], l[2]] }, { line: l[0], p: [l[3], l[4]] }]);
+  const corner = ends.find((e) => ends.some((o) => o.line !== e.line && Math.hypot(o.p[0] - e.p[0], o.p[1] - e.p[1]) < 3));
+  assert.ok(corner, 'no two lines meet in this picture');
+  const held = (await toScreen())(corner.p);
+  await send('touchStart', held);
+  await page.locator('.chooser').waitFor();
+  await send('touchEnd');
+  assert.ok((await page.locator('.chooser button').count()) >= 2, 'one line alone to choose from');
+  await page.locator('.chooser button').nth(1).click();
+  await page.locator('.chooser').waitFor({ state: 'detached' });
   await page.setViewportSize({ width: 1280, height: 800 });
 });
 
