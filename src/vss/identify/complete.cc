@@ -124,7 +124,9 @@ class Completer {
       any_open = true;
       for (const auto& w : context_.circles) {
         if (std::abs(w.center.z() - c.center.point.z()) > 3 * context_.mm_per_px) continue;
-        const auto o = OnCircle(h, {rim, {w.center.x(), w.center.y(), c.center.point.z()}, w.radius_mm});
+        const auto o = LaidOnCircle(h.object, h.determined,
+                                    {rim, {w.center.x(), w.center.y(), c.center.point.z()}, w.radius_mm},
+                                    context_.mm_per_px);
         if (!o) continue;
         const double score = Score(*o, views);
         if (score > best_score) {
@@ -139,29 +141,6 @@ class Completer {
       for (int rim : kind_.rims)
         if (Moves(solid.circles[std::size_t(rim)], d)) h.determined[d] = true;
     return true;
-  }
-
-  // The seed with its open dimensions such that a rim lies on a circle; empty where they cannot.
-  std::optional<PlacedObject> OnCircle(const Hypothesis& h, const CircleTarget& target) const {
-    PlacedObject o = h.object;
-    double worst = 0;
-    for (int iteration = 0; iteration < 3; ++iteration) {
-      NormalEquations normal(o.StateSize());
-      worst = AddTargets(o, {}, {&target, 1}, normal);
-      Eigen::MatrixXd a = normal.ata;
-      Eigen::VectorXd b = normal.atb;
-      a.diagonal().array() += 1e-6;
-      for (int i = 0; i < o.StateSize(); ++i) {
-        if (i >= kPlacementSize && !h.determined[std::size_t(i - kPlacementSize)]) continue;
-        a.row(i).setZero();
-        a.col(i).setZero();
-        a(i, i) = 1;
-        b[i] = 0;
-      }
-      o.SetState(o.State() + Eigen::VectorXd(a.ldlt().solve(b)));
-    }
-    if (worst > kSeedTolerancePx * context_.mm_per_px || !InRange(o, 0) || !Allowed(o)) return std::nullopt;
-    return o;
   }
 
   State Valued(const Hypothesis& h, PlacedObject object, std::vector<bool> known) const {
@@ -246,6 +225,28 @@ void Settle(Hypothesis& h, std::vector<bool> known, const SeedContext& context) 
 }
 
 }  // namespace
+
+std::optional<PlacedObject> LaidOnCircle(PlacedObject o, const std::vector<bool>& fixed,
+                                         const CircleTarget& target, double mm_per_px) {
+  double worst = 0;
+  for (int iteration = 0; iteration < 3; ++iteration) {
+    NormalEquations normal(o.StateSize());
+    worst = AddTargets(o, {}, {&target, 1}, normal);
+    Eigen::MatrixXd a = normal.ata;
+    Eigen::VectorXd b = normal.atb;
+    a.diagonal().array() += 1e-6;
+    for (int i = 0; i < o.StateSize(); ++i) {
+      if (i >= kPlacementSize && !fixed[std::size_t(i - kPlacementSize)]) continue;
+      a.row(i).setZero();
+      a.col(i).setZero();
+      a(i, i) = 1;
+      b[i] = 0;
+    }
+    o.SetState(o.State() + Eigen::VectorXd(a.ldlt().solve(b)));
+  }
+  if (worst > kSeedTolerancePx * mm_per_px || !InRange(o, 0) || !Allowed(o)) return std::nullopt;
+  return o;
+}
 
 std::vector<Completion> Complete(const KindTemplate& kind, const SeedContext& context,
                                  const Hypothesis& seed) {

@@ -12,8 +12,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// A clear step of a round edge is this share of its brighter side: patches of rust are round too, but soft.
-constexpr double kRingContrast = 0.25;
 // A line that is a contour's image ends where the contour does, within so many tolerances, far more often
 // than it runs on; a line that only passes by mostly runs on.
 constexpr double kEndTolerances = 2;

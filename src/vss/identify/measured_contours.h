@@ -16,6 +16,9 @@ inline constexpr double kMinCosine = 0.9962;
 // A contour is above its support from this height on, in pixels' size.
 inline constexpr double kElevatedPx = 1.5;
 
+// A clear step of a round edge is this share of its brighter side: patches of rust are round too, but soft.
+inline constexpr double kRingContrast = 0.25;
+
 struct WeighOptions {
   double spacing_px = 6;
   int min_samples = 3, max_samples = 24;  // an edge

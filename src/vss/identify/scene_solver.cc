@@ -5,6 +5,7 @@
 #include "vss/base/parallel.h"
 #include "vss/identify/hypothesis_search.h"
 #include "vss/identify/refine.h"
+#include "vss/identify/rim_search.h"
 #include "vss/identify/unknown.h"
 
 namespace vss {
@@ -22,6 +23,7 @@ Result<SceneResult> SceneSolver::Run() {
     const Explained around = ExplainedBy(known, data_);
     data_.items.TakeChanged();
     SlideAccepted();
+    SeekRims();
     AddHypotheses(SceneItems::kGround, around, data_);
     if (data_.options.contact)
       for (int support : known) AddHypotheses(support, around, data_);
@@ -80,6 +82,13 @@ void SceneSolver::SlideAccepted() {
   });
   for (std::size_t i = 0; i < candidates.size(); ++i)
     for (auto& h : slid[i]) data_.items.Keep(std::move(h), data_.items[candidates[i].item].support_item);
+}
+
+void SceneSolver::SeekRims() {
+  std::vector<int> fresh;
+  for (int i : choice_.accepted())
+    if (sought_.insert(data_.items[i].serial).second) fresh.push_back(i);
+  AddRims(fresh, choice_.accepted(), data_);
 }
 
 SceneResult SceneSolver::Collect() {

@@ -1,5 +1,6 @@
 // Identification over the whole scene, step by step.
 #pragma once
+#include <set>
 #include <span>
 #include <vector>
 
@@ -25,10 +26,12 @@ class SceneSolver {
  private:
   void FindEdges();
   void SlideAccepted();
+  void SeekRims();
   SceneResult Collect();
   std::vector<UnknownGroup> Unexplained() const;
 
   SceneData data_;
+  std::set<int> sought_;  // serial numbers of the items on which rims were sought
   SceneChoice choice_{data_};
   PlateJoiner joiner_{data_};
 };
