@@ -111,17 +111,33 @@ class Patch {
   std::vector<double> grey_;
 };
 
+// The clearest ring within a step of `near`.
+Ring Refined(const Patch& patch, const Ring& near) {
+  Ring best;
+  for (int dx = -1; dx <= 1; ++dx)
+    for (int dy = -1; dy <= 1; ++dy)
+      for (int dr = -1; dr <= 1; ++dr) {
+        const Ring ring{near.at + Vector2d(dx, dy), near.radius + dr, 0};
+        const double score = patch.Clearness(ring.at, ring.radius, kClear);
+        if (score > best.score) best = {ring.at, ring.radius, score};
+      }
+  return best;
+}
+
+// On every other place and radius first: a ring shows a step off, too.
 std::vector<Ring> RingsIn(const Patch& patch, const Face& face) {
+  constexpr int kStride = 2;
   std::vector<Ring> found;
-  for (int r = kLeastRadiusPx; r < face.rows - kLeastRadiusPx; ++r)
-    for (int c = kLeastRadiusPx; c < face.columns - kLeastRadiusPx; ++c) {
+  for (int r = kLeastRadiusPx; r < face.rows - kLeastRadiusPx; r += kStride)
+    for (int c = kLeastRadiusPx; c < face.columns - kLeastRadiusPx; c += kStride) {
       Ring best;
-      for (int radius = kLeastRadiusPx; radius <= kMostRadiusPx; ++radius) {
+      for (int radius = kLeastRadiusPx; radius <= kMostRadiusPx; radius += kStride) {
         const Vector2d at(c, r);
         if (!patch.MayBeRing(at, radius)) continue;
-        const double score = patch.Clearness(at, radius, kClear);
+        const double score = patch.Clearness(at, radius, kConfirmed);
         if (score > best.score) best = {at, double(radius), score};
       }
+      if (best.score > 0) best = Refined(patch, best);
       if (best.score > 0) found.push_back(best);
     }
   std::stable_sort(found.begin(), found.end(),
