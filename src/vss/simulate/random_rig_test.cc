@@ -40,7 +40,7 @@ TEST(RandomRig, EveryPlaceOfTheFloorIsInSeveralPictures) {
         for (double y : {0.05, 0.3, 0.5, 0.7, 0.95})
           fewest = std::min(fewest, NumPictures(scene, {floor.min().x() + x * floor.sizes().x(),
                                                         floor.min().y() + y * floor.sizes().y(), 100}));
-      EXPECT_GE(fewest, 3) << "rig " << int(rig) << ", seed " << seed;
+      EXPECT_GE(fewest, 2) << "rig " << int(rig) << ", seed " << seed;
     }
 }
 
