@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "collect_picks.h"
@@ -17,12 +18,12 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kSameYawRad = 0.06;  // turns so near to each other are one
-constexpr double kAcrossSine = 0.06;  // an edge leaves the plane of camera and line by no more
-constexpr double kLevelSine = 0.05;   // an edge that rises by less is level
-constexpr double kPlaceSigmaMm = 4;   // of an edge, while the turn is known to kSameYawRad only
-constexpr double kRimSigmaMm = 60;    // of a rim's middle by the middle of an arc
-constexpr std::size_t kBeam = 40, kYaws = 16, kRefined = 28, kWeighed = 6;
+constexpr double kSameYawRad = 0.015;  // turns so near to each other are one
+constexpr double kAcrossSine = 0.06;   // an edge leaves the plane of camera and line by no more
+constexpr double kLevelSine = 0.05;    // an edge that rises by less is level
+constexpr double kPlaceSigmaMm = 4;    // of an edge, before the fit
+constexpr double kRimSigmaMm = 60;     // of a rim's middle by the middle of an arc
+constexpr std::size_t kBeam = 150, kYaws = 20, kRefined = 120, kWeighed = 20;
 constexpr double kMostRmsPx = 3;      // a reading that leaves more does not explain the lines
 constexpr double kMissed = 0.5;       // a visible contour without a line, against one with
 constexpr double kClearlyBetter = 2;  // scores that differ by less do not decide
@@ -145,6 +146,18 @@ PlacedObject UsualAt(const FitQuestion& q, double yaw, const Vector2d& foot) {
   return object;
 }
 
+// Two lines of one picture are one contour only where they lie in one line.
+bool MayShareContour(const Pick& a, const Pick& b) {
+  constexpr double kOnePx = 1.5;
+  if (a.image != b.image || a.is_circle || b.is_circle) return true;
+  const Vector2d d = (a.ideal_end - a.ideal_start).normalized();
+  const auto off = [&](const Vector2d& p) {
+    const Vector2d v = p - a.ideal_start;
+    return std::abs(d.x() * v.y() - d.y() * v.x());
+  };
+  return off(b.ideal_start) < kOnePx && off(b.ideal_end) < kOnePx;
+}
+
 struct Start {
   double cost = 0;
   std::vector<int> contours;
@@ -155,8 +168,8 @@ struct Start {
 void SearchAt(const FitQuestion& q, const std::vector<Sight>& sights, const PlacedObject& usual,
               std::vector<Start>& out) {
   const WorldSolid solid = PlaceSolid(usual);
-  std::vector<int> free = {0, 1};
-  std::vector<double> sigma = {1e4, 1e4};
+  std::vector<int> free = {0, 1, 3};
+  std::vector<double> sigma = {1e4, 1e4, kSameYawRad};
   const auto defs = q.model->dimensions();
   for (std::size_t i = 0; i < defs.size(); ++i)
     if (!q.fixed_mm.contains(defs[i].name)) {
@@ -177,6 +190,11 @@ void SearchAt(const FitQuestion& q, const std::vector<Sight>& sights, const Plac
     std::vector<Branch> next;
     for (const auto& branch : beam)
       for (const auto& [contour, rows] : candidates) {
+        bool taken = false;
+        for (std::size_t k = 0; k < i && !taken; ++k)
+          taken = branch.contours[k] == contour && q.picks[k].is_circle == q.picks[i].is_circle &&
+                  !MayShareContour(q.picks[k], q.picks[i]);
+        if (taken) continue;
         next.push_back(branch);
         Extend(next.back(), int(i), contour, rows);
       }
@@ -209,7 +227,8 @@ double RmsOf(const PickResiduals& rows) {
 
 using Shown = std::set<std::tuple<int, bool, int>>;  // picture, is it a rim?, contour
 
-Shown VisibleContours(const WorldSolid& solid, const std::vector<View>& views) {
+// Those of which at least `least` samples are seen.
+Shown VisibleContours(const WorldSolid& solid, const std::vector<View>& views, int least) {
   constexpr double kSpacingPx = 16;
   constexpr int kLeastSamples = 3;
   std::map<std::tuple<int, bool, int>, int> count;
@@ -219,7 +238,7 @@ Shown VisibleContours(const WorldSolid& solid, const std::vector<View>& views) {
         ++count[{view.image, s.source == ContourSample::Source::kCircle, s.index}];
   Shown shown;
   for (const auto& [key, n] : count)
-    if (n >= kLeastSamples) shown.insert(key);
+    if (n >= least) shown.insert(key);
   return shown;
 }
 
@@ -298,8 +317,9 @@ Result<Proposal> ProposeContours(const FitQuestion& q, const std::vector<View>& 
     if (std::any_of(weighed.begin(), weighed.end(),
                     [&](const auto& w) { return SameBody(w.object, r.object); }))
       continue;
-    const Shown visible = VisibleContours(PlaceSolid(r.object, false), near);
-    if (!PicksAreSeen(q, r, visible)) continue;
+    const WorldSolid solid = PlaceSolid(r.object, false);
+    if (!PicksAreSeen(q, r, VisibleContours(solid, near, 1))) continue;
+    const Shown visible = VisibleContours(solid, near, 3);
     Shown found;
     for (const auto& l : CollectPicks(
              r.object, near, nullptr, kMostRmsPx, [](const Pick&) { return false; }, lines_of))
