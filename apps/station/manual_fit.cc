@@ -120,20 +120,6 @@ double Minimise(const FitQuestion& q, const std::vector<View>& views, const Prio
   return now.cost + rows.overshoot;
 }
 
-PlacedObject UsualObject(const FitQuestion& q) {
-  PlacedObject object;
-  object.model = q.model;
-  object.resting_pose = q.resting_pose;
-  std::vector<std::optional<double>> known;
-  for (const auto& def : q.model->dimensions()) {
-    const auto at = q.fixed_mm.find(def.name);
-    known.push_back(at == q.fixed_mm.end() ? std::nullopt : std::optional(at->second));
-  }
-  object.dimensions_mm = q.model->UsualDimensions(known);
-  object.placement[2] = q.support_height_mm;
-  return object;
-}
-
 // Where the rays of the picks meet the plane on which the part stands, on average.
 Vector2d FootOfPicks(const FitQuestion& q, const std::vector<View>& views) {
   Vector2d sum = Vector2d::Zero();
@@ -316,6 +302,20 @@ Status CheckQuestion(const FitQuestion& q, const std::vector<View>& views) {
 }
 
 }  // namespace
+
+PlacedObject UsualObject(const FitQuestion& q) {
+  PlacedObject object;
+  object.model = q.model;
+  object.resting_pose = q.resting_pose;
+  std::vector<std::optional<double>> known;
+  for (const auto& def : q.model->dimensions()) {
+    const auto at = q.fixed_mm.find(def.name);
+    known.push_back(at == q.fixed_mm.end() ? std::nullopt : std::optional(at->second));
+  }
+  object.dimensions_mm = q.model->UsualDimensions(known);
+  object.placement[2] = q.support_height_mm;
+  return object;
+}
 
 Result<FitAnswer> FitPicks(const FitQuestion& q, const std::vector<View>& views) {
   VSS_RETURN_IF_ERROR(CheckQuestion(q, views));

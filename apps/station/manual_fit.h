@@ -56,6 +56,9 @@ struct FitAnswer {
 // `views`: all pictures, by index. Errors: no pick yet; picks that no placement of the object explains.
 Result<FitAnswer> FitPicks(const FitQuestion& question, const std::vector<View>& views);
 
+// The question's object on its support at the world's origin, what is not fixed as usual.
+PlacedObject UsualObject(const FitQuestion& question);
+
 // `object` fitted to the picks from where it is, without a word on quality; returns the cost.
 double RefinePicks(const FitQuestion& question, const std::vector<View>& views, PlacedObject& object);
 

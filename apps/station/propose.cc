@@ -133,16 +133,9 @@ void Extend(Branch& b, int pick, int contour, const std::vector<Row>& rows) {
 }
 
 PlacedObject UsualAt(const FitQuestion& q, double yaw, const Vector2d& foot) {
-  PlacedObject object;
-  object.model = q.model;
-  object.resting_pose = q.resting_pose;
-  std::vector<std::optional<double>> known;
-  for (const auto& def : q.model->dimensions()) {
-    const auto at = q.fixed_mm.find(def.name);
-    known.push_back(at == q.fixed_mm.end() ? std::nullopt : std::optional(at->second));
-  }
-  object.dimensions_mm = q.model->UsualDimensions(known);
-  object.placement << foot.x(), foot.y(), q.support_height_mm, yaw, 0, 0;
+  PlacedObject object = UsualObject(q);
+  object.placement.head<2>() = foot;
+  object.placement[3] = yaw;
   return object;
 }
 

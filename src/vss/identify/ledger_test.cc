@@ -2,69 +2,18 @@
 
 #include <gtest/gtest.h>
 
-#include <map>
-
-#include "vss/camera/camera.h"
+#include "vss/identify/four_views.h"
 
 namespace vss {
 namespace {
 
 using Eigen::Vector3d;
 
-// Four cameras three metres above a plate, each with the exact line image of what is there.
-struct Scene {
+struct Scene : test::FourViews {
   KnowledgeBase knowledge = *LoadKnowledge(std::vector<std::string>{"box"}, ".");
-  std::vector<Camera> cameras;
-  std::vector<LineImage> lines;
-  std::vector<View> views;
 
   explicit Scene(std::span<const PlacedObject> there) {
-    for (const Vector3d& place : {Vector3d(-900, -400, 3000), Vector3d(900, -300, 3000),
-                                  Vector3d(-700, 500, 3000), Vector3d(800, 600, 3000)}) {
-      Camera c;
-      c.width_px = c.height_px = 512;
-      c.intrinsics.fx_px = c.intrinsics.fy_px = 500;
-      c.intrinsics.cx_px = c.intrinsics.cy_px = 255.5;
-      const Vector3d forward = -place.normalized(), right = forward.cross(Vector3d::UnitY()).normalized();
-      RigidTransform t;
-      t.rotation.row(0) = right.transpose();
-      t.rotation.row(1) = forward.cross(right).transpose();
-      t.rotation.row(2) = forward.transpose();
-      t.translation = -(t.rotation * place);
-      c.cam_from_world = t;
-      cameras.push_back(c);
-    }
-    lines.resize(cameras.size());
-    for (std::size_t i = 0; i < cameras.size(); ++i) {
-      views.push_back(MakeView(int(i), cameras[i], *cameras[i].cam_from_world, int(i), &lines[i]));
-      for (const auto& object : there) Draw(object, i);
-    }
-  }
-
-  // Each visible edge is one segment.
-  void Draw(const PlacedObject& object, std::size_t view) {
-    std::map<int, std::pair<ContourSample, ContourSample>> ends;
-    for (const auto& s : SampleContour(PlaceSolid(object, false), views[view], 2, 3)) {
-      if (!s.visible) continue;
-      ends.try_emplace(s.index, s, s);
-      ends.at(s.index).second = s;
-    }
-    for (const auto& [edge, pair] : ends) {
-      LineSegment l;
-      l.start = l.ideal_start = pair.first.ideal;
-      l.end = l.ideal_end = pair.second.ideal;
-      lines[view].segments.push_back(l);
-    }
-  }
-
-  // A line of the world, as paint or a shadow draws it.
-  void Draw(const Vector3d& start, const Vector3d& end) {
-    for (std::size_t i = 0; i < views.size(); ++i) {
-      LineSegment l;
-      l.start = l.ideal_start = *views[i].ProjectIdeal(start);
-      l.end = l.ideal_end = *views[i].ProjectIdeal(end);
-      lines[i].segments.push_back(l);
-    }
+    for (const auto& object : there) Draw(object);
   }
 
   PlacedObject Box(double x, double y, std::vector<double> dimensions_mm) const {

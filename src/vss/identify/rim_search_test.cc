@@ -3,9 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <map>
 
-#include "vss/camera/camera.h"
+#include "vss/identify/four_views.h"
 
 namespace vss {
 namespace {
@@ -17,39 +16,19 @@ constexpr double kTopMm = 40;
 
 // A light plate on a dark floor, with a disc of light `disc` on its top, seen from four places; the lines are
 // the plate's edges.
-struct Scene {
+struct Scene : test::FourViews {
   KnowledgeBase knowledge = *LoadKnowledge(std::vector<std::string>{"box", "holed_plate"}, ".");
-  std::vector<Camera> cameras;
-  std::vector<LineImage> lines;
   std::vector<GreyImage> pictures;
-  std::vector<View> views;
   PlacedObject plate;
 
   Scene(const Vector2d& middle, double radius_mm, int disc) {
     plate.model = knowledge.Find("box");
     plate.placement << 0, 0, 0, 0, 0, 0;
     plate.dimensions_mm = {900, 500, kTopMm};
-    for (const Vector3d& place : {Vector3d(-900, -400, 3000), Vector3d(900, -300, 3000),
-                                  Vector3d(-700, 500, 3000), Vector3d(800, 600, 3000)}) {
-      Camera c;
-      c.width_px = c.height_px = 512;
-      c.intrinsics.fx_px = c.intrinsics.fy_px = 500;
-      c.intrinsics.cx_px = c.intrinsics.cy_px = 255.5;
-      const Vector3d forward = -place.normalized(), right = forward.cross(Vector3d::UnitY()).normalized();
-      RigidTransform t;
-      t.rotation.row(0) = right.transpose();
-      t.rotation.row(1) = forward.cross(right).transpose();
-      t.rotation.row(2) = forward.transpose();
-      t.translation = -(t.rotation * place);
-      c.cam_from_world = t;
-      cameras.push_back(c);
-    }
-    lines.resize(cameras.size());
-    for (std::size_t i = 0; i < cameras.size(); ++i) {
-      views.push_back(MakeView(int(i), cameras[i], *cameras[i].cam_from_world, int(i), &lines[i]));
+    Draw(plate);
+    for (const View& view : views) {
       pictures.emplace_back(512, 512, 8);
-      Paint(views[i], middle, radius_mm, disc, pictures[i]);
-      Draw(i);
+      Paint(view, middle, radius_mm, disc, pictures.back());
     }
     for (std::size_t i = 0; i < views.size(); ++i) views[i].picture = pictures[i].view();
   }
@@ -64,21 +43,6 @@ struct Scene {
         const bool on_disc = (at.head<2>() - middle).norm() < radius_mm;
         image.Row8(v)[u] = static_cast<std::uint8_t>(!on_plate ? 30 : on_disc ? disc : 160);
       }
-  }
-
-  void Draw(std::size_t view) {
-    std::map<int, std::pair<ContourSample, ContourSample>> ends;
-    for (const auto& s : SampleContour(PlaceSolid(plate, false), views[view], 2, 3)) {
-      if (!s.visible) continue;
-      ends.try_emplace(s.index, s, s);
-      ends.at(s.index).second = s;
-    }
-    for (const auto& [edge, pair] : ends) {
-      LineSegment l;
-      l.start = l.ideal_start = pair.first.ideal;
-      l.end = l.ideal_end = pair.second.ideal;
-      lines[view].segments.push_back(l);
-    }
   }
 
   // The plates with a hole that rims on the plate make.

@@ -57,6 +57,8 @@ struct ProfileFit {
       false;  // one side is at the sensor's limit: the edge from what is darker, sigma accordingly
 };
 
+// A side beyond the sensor's limit is measured from the darker one; its sigma holds where the light is up to
+// some twice the limit, beyond that the edge is drawn too far out (AnOverexposedSideLeavesAnHonestEdge).
 // Empty where the strip holds too few pixels, no step, or the fit runs out of the search range. `noise` is
 // the picture's noise in grey levels where known (0: not): sigma is never better than that allows.
 std::optional<ProfileFit> FitProfile(const GreyView& image, const ProfileRequest& request, double noise);
