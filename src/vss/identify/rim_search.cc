@@ -250,6 +250,8 @@ std::vector<Hypothesis> WithRims(int i, std::span<const int> accepted, SceneData
       h.determined.assign(fixed.size(), true);
       h.views = ViewsThatSee(PlaceSolid(h.object, false), data.views, context.max_views);
       RefineAndWeigh(h, context);
+      if (PlaceSolid(h.object, false).circles[std::size_t(rim)].radius_mm < kLeastRadiusPx * data.mm_per_px)
+        continue;
       WeighInAllViews(h, context);
       out.push_back(std::move(h));
     }
