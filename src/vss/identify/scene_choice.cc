@@ -254,7 +254,7 @@ void SceneChoice::Select() {
   Enter();
   std::vector<int> order;
   for (int i = 0; i < data_.items.size(); ++i)
-    if (data_.items[i].alone > 0) order.push_back(i);
+    if (data_.items[i].alone > 0 && !StandsOnRefuted(i)) order.push_back(i);
   std::stable_sort(order.begin(), order.end(),
                    [&](int a, int b) { return data_.items[a].alone > data_.items[b].alone; });
   Choice best;
@@ -293,16 +293,21 @@ std::vector<SceneChoice::Verdict> SceneChoice::Verdicts(const std::vector<int>& 
   return out;
 }
 
+// Is the item, or what it stands on, refuted?
+bool SceneChoice::StandsOnRefuted(int i) const {
+  for (int k = i; k >= 0; k = data_.items[k].support_item)
+    if (data_.items[k].refuted) return true;
+  return false;
+}
+
 void SceneChoice::DropRefuted() {
   constexpr int kMostTimes = 8;
   for (int times = 0; times < kMostTimes && !data_.progress.Cancelled(); ++times) {
     const std::vector<Verdict> verdicts = Verdicts(accepted_);
     bool dropped = false;
     for (std::size_t n = 0; n < accepted_.size(); ++n) {
-      const bool carries = std::any_of(accepted_.begin(), accepted_.end(),
-                                       [&](int k) { return data_.items[k].support_item == accepted_[n]; });
-      if (!verdicts[n].refuted || carries) continue;
-      data_.items[accepted_[n]].alone = 0;
+      if (!verdicts[n].refuted) continue;
+      data_.items[accepted_[n]].refuted = true;
       dropped = true;
     }
     if (!dropped) return;

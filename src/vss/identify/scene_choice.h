@@ -29,8 +29,8 @@ class SceneChoice {
   };
   // Of another kind; null: none.
   const Rival* RivalOf(int accepted) const;
-  // Takes out what carries nothing and of which so much is missed that something of another kind stands
-  // there, and chooses anew without it, until there is none.
+  // Takes out what so much is missed of that something of another kind stands there, with what stands on it,
+  // and chooses anew without it, until there is none.
   void DropRefuted();
 
   // How much each of `items`, beside all of them, is spoken for.
@@ -52,6 +52,7 @@ class SceneChoice {
   void Enter();
   void Value(SceneItem& item);
   int EdgesInside(const SceneItem& item) const;
+  bool StandsOnRefuted(int i) const;
   bool Stands(const Ledger::Share& share, double relations) const;
   double Relations(int i, const std::vector<int>& items) const;
   double Total(const std::vector<int>& items);

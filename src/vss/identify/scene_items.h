@@ -21,10 +21,11 @@ struct SceneItem {
   std::string kind;
   int support_item = -1;  // index into the items; -1: ground
   double top_mm = 0;
-  int serial = 0;      // no two hypotheses kept have the same, though one take the other's place
-  int candidate = -1;  // of the ledger
-  double alone = NAN;  // log-odds before the choice; 0: it stands nowhere
-  int inside = 0;      // edges of the world that run inside it, see SceneChoice
+  int serial = 0;        // no two hypotheses kept have the same, though one take the other's place
+  int candidate = -1;    // of the ledger
+  double alone = NAN;    // log-odds before the choice; 0: it stands nowhere
+  int inside = 0;        // edges of the world that run inside it, see SceneChoice
+  bool refuted = false;  // see SceneChoice::DropRefuted()
 
   WorldSolid Solid() const { return PlaceSolid(h.object, false); }
 };
