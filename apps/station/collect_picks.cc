@@ -1,11 +1,14 @@
 #include "collect_picks.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace vss::station {
 namespace {
 
 using Eigen::Vector2d;
+
+constexpr double kSpacingPx = 4, kLeastCovered = 0.6;
 
 // How well a straight line lies on the visible samples of one contour: mean distance, and how much of it they
 // cover.
@@ -51,35 +54,44 @@ Closeness ArcClosenessOf(const Pick& arc, const std::vector<ContourSample>& samp
 
 }  // namespace
 
+VisibleContours VisibleContoursOf(const WorldSolid& solid, const View& view, const Occluders* others) {
+  VisibleContours contours;
+  for (const auto& s : SampleContour(solid, view, kSpacingPx, 2, others))
+    if (s.visible && s.source != ContourSample::Source::kLimb)
+      contours[{s.source == ContourSample::Source::kCircle, s.index}].push_back(s);
+  return contours;
+}
+
+std::vector<NearContour> ContoursNear(const Pick& line, const VisibleContours& contours,
+                                      double tolerance_px) {
+  std::vector<NearContour> near;
+  for (const auto& [key, samples] : contours) {
+    if (key.first != line.is_circle) continue;
+    const Closeness c = line.is_circle ? ArcClosenessOf(line, samples, tolerance_px)
+                                       : ClosenessOf(line, samples, kSpacingPx, tolerance_px);
+    if (c.covered >= kLeastCovered && c.mean_px <= tolerance_px) near.push_back({c.mean_px, key.second});
+  }
+  std::stable_sort(near.begin(), near.end(),
+                   [](const NearContour& a, const NearContour& b) { return a.mean_px < b.mean_px; });
+  return near;
+}
+
 std::vector<Pick> CollectPicks(const PlacedObject& object, const std::vector<View>& views,
                                const Occluders* others, double tolerance_px,
                                const std::function<bool(const Pick&)>& taken,
                                const std::function<std::vector<Pick>(int)>& lines_of) {
-  constexpr double kSpacingPx = 4, kLeastCovered = 0.6, kDistinctPx = 0.7;
+  constexpr double kDistinctPx = 0.7;
   const WorldSolid solid = PlaceSolid(object, false);
   std::vector<Pick> out;
   for (const auto& view : views) {
-    std::map<std::pair<bool, int>, std::vector<ContourSample>> contours;
-    for (const auto& s : SampleContour(solid, view, kSpacingPx, 2, others))
-      if (s.visible && s.source != ContourSample::Source::kLimb)
-        contours[{s.source == ContourSample::Source::kCircle, s.index}].push_back(s);
+    const VisibleContours contours = VisibleContoursOf(solid, view, others);
     if (contours.empty()) continue;
     for (Pick line : lines_of(view.image)) {
       if (taken(line)) continue;
-      double best = INFINITY, second = INFINITY;
-      for (const auto& [key, samples] : contours) {
-        if (key.first != line.is_circle) continue;
-        const Closeness c = line.is_circle ? ArcClosenessOf(line, samples, tolerance_px)
-                                           : ClosenessOf(line, samples, kSpacingPx, tolerance_px);
-        if (c.covered < kLeastCovered) continue;
-        if (c.mean_px < best) {
-          second = best;
-          best = c.mean_px;
-          line.contour = key.second;
-        } else
-          second = std::min(second, c.mean_px);
-      }
-      if (best <= tolerance_px && second - best > kDistinctPx) out.push_back(std::move(line));
+      const auto near = ContoursNear(line, contours, tolerance_px);
+      if (near.empty() || (near.size() > 1 && near[1].mean_px - near[0].mean_px <= kDistinctPx)) continue;
+      line.contour = near[0].contour;
+      out.push_back(std::move(line));
     }
   }
   return out;

@@ -226,7 +226,9 @@ Result<Json> ProposedContours(Workspace& w, const Json& body) {
   const auto begin = std::chrono::steady_clock::now();
   VSS_ASSIGN(const FitQuestion question, QuestionOf(w, body));
   VSS_ASSIGN(const Proposal proposal,
-             ProposeContours(question, w.Views(), [&](int image) { return w.PicksOf(image); }));
+             ProposeContours(
+                 question, w.Views(), [&](const std::vector<int>& images) { return w.FlatLinesOf(images); },
+                 w.threads()));
   Json readings = Json::array();
   for (const auto& r : proposal.readings)
     readings.push_back({{"contours", r.contours}, {"rms_px", r.rms_px}});

@@ -120,23 +120,6 @@ double Minimise(const FitQuestion& q, const std::vector<View>& views, const Prio
   return now.cost + rows.overshoot;
 }
 
-// Where the rays of the picks meet the plane on which the part stands, on average.
-Vector2d FootOfPicks(const FitQuestion& q, const std::vector<View>& views) {
-  Vector2d sum = Vector2d::Zero();
-  int n = 0;
-  for (const auto& pick : q.picks) {
-    const View& view = views[std::size_t(pick.image)];
-    const Vector2d m = pick.is_circle ? pick.ideal_points[pick.ideal_points.size() / 2]
-                                      : Vector2d((pick.ideal_start + pick.ideal_end) / 2);
-    const Vector3d ray = view.RayOfIdeal(m);
-    if (ray.z() > -1e-3) continue;
-    const double s = (q.support_height_mm - view.center_in_world.z()) / ray.z();
-    sum += (view.center_in_world + s * ray).head<2>();
-    ++n;
-  }
-  return n > 0 ? Vector2d(sum / n) : Vector2d::Zero();
-}
-
 // Every so manieth pick, so that not many more than kStartPicks are left: enough to tell the starts apart.
 FitQuestion Thinned(const FitQuestion& q) {
   FitQuestion thin = q;
@@ -302,6 +285,22 @@ Status CheckQuestion(const FitQuestion& q, const std::vector<View>& views) {
 }
 
 }  // namespace
+
+Vector2d FootOfPicks(const FitQuestion& q, const std::vector<View>& views) {
+  Vector2d sum = Vector2d::Zero();
+  int n = 0;
+  for (const auto& pick : q.picks) {
+    const View& view = views[std::size_t(pick.image)];
+    const Vector2d m = pick.is_circle ? pick.ideal_points[pick.ideal_points.size() / 2]
+                                      : Vector2d((pick.ideal_start + pick.ideal_end) / 2);
+    const Vector3d ray = view.RayOfIdeal(m);
+    if (ray.z() > -1e-3) continue;
+    const double s = (q.support_height_mm - view.center_in_world.z()) / ray.z();
+    sum += (view.center_in_world + s * ray).head<2>();
+    ++n;
+  }
+  return n > 0 ? Vector2d(sum / n) : Vector2d::Zero();
+}
 
 PlacedObject UsualObject(const FitQuestion& q) {
   PlacedObject object;

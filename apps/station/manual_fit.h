@@ -59,6 +59,9 @@ Result<FitAnswer> FitPicks(const FitQuestion& question, const std::vector<View>&
 // The question's object on its support at the world's origin, what is not fixed as usual.
 PlacedObject UsualObject(const FitQuestion& question);
 
+// Where the picks' middles lie on the support, in the mean: world, mm.
+Eigen::Vector2d FootOfPicks(const FitQuestion& question, const std::vector<View>& views);
+
 // `object` fitted to the picks from where it is, without a word on quality; returns the cost.
 double RefinePicks(const FitQuestion& question, const std::vector<View>& views, PlacedObject& object);
 

@@ -1,7 +1,7 @@
 // Which picked line is which contour, where nobody has said it: readings of the lines picked so far.
 #pragma once
 #include <functional>
-#include <string>
+#include <span>
 #include <vector>
 
 #include "manual_fit.h"
@@ -12,9 +12,8 @@ namespace vss::station {
 struct Reading {
   std::vector<int> contours;
   PlacedObject object;
-  double rms_px = 0;
-  double score =
-      0;  // the higher the better: contours that lines of the pictures show, against those they do not
+  double rms_px = 0;    // of the picks
+  double log_odds = 0;  // what the lines of all pictures say of the object
 };
 
 struct Proposal {
@@ -22,13 +21,14 @@ struct Proposal {
   bool decided = false;           // is the first clearly better?
 };
 
-// Hypothesise and test: a line and a level edge of the object give how the object is turned; with it every
-// place is linear in position and dimensions, so that a beam search over the assignments solves a small
-// linear system each time. The best are fitted, and weighed by how many of their visible contours the lines
-// of all pictures show. The picks' contours are not looked at. `lines_of`: all lines of a picture. Errors: no
-// pick, more than kMaxProposed, or no reading explains the picks.
+// Identification asked for one kind: of the hypotheses that start from a picked line in the pictures that
+// show the place, those on whose visible contours all picks lie, fitted to the picks, by how much the lines
+// speak for them. Where several pictures find none, the pictures with picks are asked one by one. The picks'
+// contours are not looked at. `lines_of`: the lines of pictures, by index into `views`. Errors: no pick, more
+// than kMaxProposed, or no reading explains the picks.
 inline constexpr std::size_t kMaxProposed = 16;
-Result<Proposal> ProposeContours(const FitQuestion& question, const std::vector<View>& views,
-                                 const std::function<std::vector<Pick>(int image)>& lines_of);
+Result<Proposal> ProposeContours(
+    const FitQuestion& question, const std::vector<View>& views,
+    const std::function<std::vector<LineImage>(const std::vector<int>& images)>& lines_of, int threads);
 
 }  // namespace vss::station

@@ -172,6 +172,16 @@ std::vector<View> Workspace::Views() const {
   return views;
 }
 
+std::vector<LineImage> Workspace::FlatLinesOf(const std::vector<int>& images) {
+  PrepareLines(images);
+  std::vector<LineImage> out;
+  for (int image : images) {
+    const auto lines = Lines(image);
+    out.push_back(lines ? FlatLines(**lines).lines : LineImage());
+  }
+  return out;
+}
+
 std::vector<Pick> Workspace::PicksOf(int image) {
   std::vector<Pick> picks;
   const auto lines = Lines(image);

@@ -50,6 +50,10 @@ class Workspace {
   // The values that the next run takes: defaults, then the survey file, then what the operator set.
   Result<SurveyOptions> Options() const;
 
+  // The lines of pictures as identification takes them, with the operator's edits; none where a picture
+  // cannot be read.
+  std::vector<LineImage> FlatLinesOf(const std::vector<int>& images);
+  int threads() const { return options_.threads; }
   std::vector<Pick> PicksOf(int image);  // every line of the picture, contours unassigned
   // Whether `img` lies in the picture.
   bool Inside(int image, const Eigen::Vector2d& img) const;

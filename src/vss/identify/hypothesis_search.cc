@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <iterator>
 #include <map>
 #include <numeric>
@@ -84,6 +85,14 @@ class Search {
     context_.circles = circles_;
   }
 
+  // What is asked for is known: all templates, on whatever stands there, from these lines.
+  Search(std::span<const LineRef> own, double support_z, SceneData& data)
+      : Search(SceneItems::kGround, kNothing, data) {
+    support_z_ = support_z;
+    own_ = own;
+    least_ = -INFINITY;
+  }
+
   // Those good enough to be parts.
   std::vector<Hypothesis> Run() {
     by_template_.resize(data_.templates.size());
@@ -103,13 +112,32 @@ class Search {
     return !known_.claims.empty() && Explains(known_.claims, edge, data_.index);
   }
 
+  bool IsAsked(const KindTemplate& t) const {
+    // How a part lies less often is asked only of lines that nothing else explains.
+    return own_ || (t.model->MayStandOn(on_) && (t.resting_pose == 0 || !known_.claims.empty()));
+  }
+
+  // Of each of the context's lines, whether it may start a hypothesis.
+  std::vector<bool> Starts() const {
+    std::vector<bool> starts;
+    for (const auto& l : lines_)
+      starts.push_back(own_ && std::any_of(l.lines.begin(), l.lines.end(), [&](const LineRef& r) {
+                         return std::find(own_->begin(), own_->end(), r) != own_->end();
+                       }));
+    if (std::find(starts.begin(), starts.end(), true) == starts.end()) starts.assign(lines_.size(), true);
+    return starts;
+  }
+
   void Seed() {
     const auto pairs = ParallelPairs(context_, FarthestPairMm(data_.templates));
+    const std::vector<bool> starts = Starts();
     ParallelFor(data_.templates.size(), data_.threads, [&](std::size_t i) {
       const KindTemplate& t = data_.templates[i];
-      // How a part lies less often is asked only of lines that nothing else explains.
-      if (!t.model->MayStandOn(on_) || (t.resting_pose > 0 && known_.claims.empty())) return;
+      if (!IsAsked(t)) return;
       auto seeds = Seeds(t, context_, pairs, support_z_);
+      std::erase_if(seeds, [&](const Hypothesis& h) {
+        return h.first_line >= 0 && !starts[std::size_t(h.first_line)] && !starts[std::size_t(h.second_line)];
+      });
       std::move(seeds.begin(), seeds.end(), std::back_inserter(by_template_[i]));
     });
   }
@@ -165,20 +193,23 @@ class Search {
   }
 
   std::optional<Hypothesis> FinishOne(const ObjectModel& model, const Completion& completion) const {
-    const double least = data_.options.accept_log_odds - MostOfRelations(model);
+    const double least = std::min(least_, data_.options.accept_log_odds - MostOfRelations(model));
     Hypothesis h = Finish(context_, completion);
     if (IsSlanted(h, context_) && h.log_odds > kWorthSliding)
       for (auto& slid : Slides(h, context_))
         if (slid.log_odds > h.log_odds) h = std::move(slid);
     if (h.log_odds < least) return std::nullopt;
     WeighInAllViews(h, context_);
-    if (h.log_odds < least || (data_.IsSinglePicture() && !ShowsHeight(h, context_))) return std::nullopt;
+    if (h.log_odds < least || (data_.IsSinglePicture() && !own_ && !ShowsHeight(h, context_)))
+      return std::nullopt;
     return h;
   }
 
+  inline static const Explained kNothing;
   SceneData& data_;
   const Explained& known_;
-  double support_z_;
+  std::optional<std::span<const LineRef>> own_;
+  double support_z_, least_ = INFINITY;
   std::string on_;
   SeedContext context_;
   std::vector<WorldLine> lines_;
@@ -194,6 +225,10 @@ void AddHypotheses(int support, const Explained& known, SceneData& data) {
                    [&](const KindTemplate& t) { return t.model->MayStandOn(on); }))
     return;
   for (auto& h : Search(support, known, data).Run()) data.items.Keep(std::move(h), support);
+}
+
+std::vector<Hypothesis> HypothesesOn(std::span<const LineRef> own, double support_z_mm, SceneData& data) {
+  return Search(own, support_z_mm, data).Run();
 }
 
 std::vector<Hypothesis> Promising(std::vector<Hypothesis> seeds, const SeedContext& context, int threads) {

@@ -20,6 +20,8 @@ constexpr double kOwnedPx = 6;
 // A shadow is no longer than that many times what casts it is high (a lamp 27 degrees above the horizon), and
 // ends as much earlier or later.
 constexpr double kShadowReach = 2, kShadowEndPx = 5, kShadowSkew = 0.035;
+// A contour counts as missed where what it says is below this (log-odds): faint and shaded ones stay above.
+constexpr double kClearlyAgainst = -1;
 // Two faces are one plane where they are level to within this, and no farther apart.
 constexpr double kSeamStepPx = 1.5, kSeamGapsPx[] = {0.75, 1.5, 3, 5};
 
@@ -81,6 +83,15 @@ bool MayBeShadow(const WorldSolid& solid, const SolidEdge& edge, const WorldSoli
     aside -= along * along.dot(aside);
     return aside.head<2>().norm() < kShadowReach * higher;
   });
+}
+
+// Of an edge or a rim in the world, mm; of a limb 0: how long it is depends on who looks.
+double LengthOf(const WorldSolid& solid, const MeasuredContours::Contour& contour) {
+  const auto i = std::size_t(contour.index);
+  if (contour.source == ContourSample::Source::kCircle) return 2 * kPi * solid.circles[i].radius_mm;
+  if (contour.source != ContourSample::Source::kEdge) return 0;
+  const SolidEdge& e = solid.edges[i];
+  return (solid.vertices[std::size_t(e.end)].point - solid.vertices[std::size_t(e.start)].point).norm();
 }
 
 // Contours that lie on one line.
@@ -263,11 +274,13 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
     out[n].elevated_log_odds = kElevatedPrior * c.prior - c.painted;
   }
   std::vector<double> sums(first_contour.back());
+  std::vector<bool> shows(first_contour.back());
   for (const Vote& vote : votes) {
     if (vote.said.open_px <= 0) continue;
     const std::size_t root = groups.Root(vote.contour);
     const double all_px = open_px[(std::int64_t(root) << 20) + vote.view];
     const double pieces = IndependentPieces(all_px) * vote.said.open_px / all_px;
+    shows[vote.contour] = true;
     sums[vote.contour] +=
         (vote.said.ends + pieces * vote.said.per_piece) / std::sqrt(double(num_views[root]));
   }
@@ -281,11 +294,18 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
         if (sum > 0) sum *= 1 - seams[c];
       }
     }
+    double all_mm = 0, missed_mm = 0;
     for (std::size_t k = 0; k < contours.size(); ++k) {
       const double log_odds = sums[first_contour[n] + k];
       out[n].log_odds += log_odds;
       if (contours[k].elevated) out[n].elevated_log_odds += log_odds;
+      (log_odds > 0 ? out[n].shown : out[n].missed) += std::abs(log_odds);
+      if (!shows[first_contour[n] + k]) continue;
+      const double length = LengthOf(candidates_[std::size_t(set[n])].solid, contours[k]);
+      all_mm += length;
+      if (log_odds < kClearlyAgainst) missed_mm += length;
     }
+    out[n].missed_share = all_mm > 0 ? missed_mm / all_mm : 0;
     const double open_ledges = OpenLedges(candidates_[std::size_t(set[n])].measured,
                                           std::span(sums).subspan(first_contour[n], contours.size()));
     out[n].log_odds += open_ledges;

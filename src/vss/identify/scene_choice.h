@@ -29,8 +29,17 @@ class SceneChoice {
   };
   // Of another kind; null: none.
   const Rival* RivalOf(int accepted) const;
-  // How much each of `items`, beside all of them, is spoken for (log-odds).
-  std::vector<double> LogOdds(const std::vector<int>& items);
+  // Takes out what carries nothing and of which so much is missed that something of another kind stands
+  // there, and chooses anew without it, until there is none.
+  void DropRefuted();
+
+  // How much each of `items`, beside all of them, is spoken for.
+  struct Verdict {
+    double log_odds = 0;
+    bool incomplete = false;  // more of it is missed than is usual
+    bool refuted = false;     // than of any part that was there
+  };
+  std::vector<Verdict> Verdicts(const std::vector<int>& items);
   // Is there something that explains nearly as much in the place of the accepted item?
   bool IsContested(int accepted) const;
 

@@ -33,6 +33,7 @@ Result<SceneResult> SceneSolver::Run() {
     choice_.Select();
     if (choice_.accepted() == known) break;
   }
+  choice_.DropRefuted();
   if (data_.progress.Cancelled()) return Cancelled();
   return Collect();
 }
@@ -97,7 +98,7 @@ SceneResult SceneSolver::Collect() {
   std::vector<int> accepted = choice_.accepted();
   std::stable_sort(accepted.begin(), accepted.end(),
                    [&](int a, int b) { return data_.items.Level(a) < data_.items.Level(b); });
-  const std::vector<double> log_odds = choice_.LogOdds(accepted);
+  const std::vector<SceneChoice::Verdict> verdicts = choice_.Verdicts(accepted);
   for (std::size_t k = 0; k < accepted.size(); ++k) {
     const SceneItem& item = data_.items[accepted[k]];
     IdentifiedPart part;
@@ -105,10 +106,11 @@ SceneResult SceneSolver::Collect() {
     if (item.support_item >= 0)
       part.stands_on = int(std::find(accepted.begin(), accepted.end(), item.support_item) - accepted.begin());
     part.views = ViewsThatSee(item.Solid(), data_.views, int(data_.views.size()));
-    part.log_odds = log_odds[k];
+    part.log_odds = verdicts[k].log_odds;
     if (const auto* rival = choice_.RivalOf(accepted[k]))
       part.runner_up = RunnerUp{data_.items[rival->item].kind, part.log_odds - rival->loss};
-    part.doubtful = part.log_odds < data_.options.doubtful_log_odds || choice_.IsContested(accepted[k]);
+    part.doubtful = part.log_odds < data_.options.doubtful_log_odds || verdicts[k].incomplete ||
+                    choice_.IsContested(accepted[k]);
     result.parts.push_back(std::move(part));
   }
   result.unknown = Unexplained();

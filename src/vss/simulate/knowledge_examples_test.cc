@@ -67,9 +67,10 @@ class Examples : public testing::Test {
   void SetUp() override { fs::create_directories(folder_); }
   void TearDown() override { fs::remove_all(folder_); }
 
-  // Renders the parts and surveys the pictures, as `vss simulate` and `vss survey` do.
-  Result<Surveyed> Survey(const std::string& rig, const std::string& knowledge,
-                          const std::string& parts) const {
+  // Renders the parts and surveys the pictures, as `vss simulate` and `vss survey` do. `known`: the objects
+  // that the survey knows; left out: those of the scene.
+  Result<Surveyed> Survey(const std::string& rig, const std::string& knowledge, const std::string& parts,
+                          const std::vector<std::string>& known = {}) const {
     std::ofstream(folder_ / "scene.toml")
         << "format = \"vss-scene/1\"\nname = \"example\"\nseed = 4\nknowledge = " << knowledge << "\n"
         << rig << parts;
@@ -78,7 +79,8 @@ class Examples : public testing::Test {
     const Progress quiet;
     VSS_ASSIGN(const auto seen_px, AddSimulatedSurvey(loaded.scene, 2, quiet, out));
     VSS_RETURN_IF_ERROR(out.Commit());
-    VSS_ASSIGN(const auto survey, ReadSurvey(folder_ / "survey"));
+    VSS_ASSIGN(auto survey, ReadSurvey(folder_ / "survey"));
+    if (!known.empty()) survey.knowledge = known;
     VSS_ASSIGN(SurveyOptions options, OptionsOf(survey));
     options.threads = 2;
     VSS_ASSIGN(SurveyOutcome outcome, RunSurvey(survey, options, quiet));
@@ -197,6 +199,31 @@ albedo = 0.45
   ExpectAllFound(*s);
   EXPECT_THAT(s->PartOf("sniped")->features, testing::ElementsAre("sniped"));
   EXPECT_THAT(s->PartOf("plain")->features, testing::ElementsAre());
+}
+
+TEST_F(Examples, APartOfAKindThatIsNotKnownIsReportedUnknown) {
+  const auto s = Survey(kHighRig, "[\"box\", \"tee\"]", R"(
+[[part]]
+id = "tee"
+kind = "tee"
+dimensions = { length = 800, width = 220, height = 300, web = 20, flange = 20 }
+position = [1000, 950]
+yaw = 20
+albedo = 0.5
+[[part]]
+id = "plate"
+kind = "box"
+dimensions = { length = 400, width = 250, height = 40 }
+position = [1500, 500]
+yaw = -35
+albedo = 0.45
+)",
+                        {"box"});
+  ASSERT_TRUE(s) << s.error().message;
+  ASSERT_EQ(s->product.parts.size(), 1u);
+  EXPECT_NE(s->PartOf("plate"), nullptr);
+  ASSERT_FALSE(s->product.unknown.empty());
+  EXPECT_LT((s->product.unknown[0].center.head<2>() - Eigen::Vector2d(1000, 950)).norm(), 200);
 }
 
 }  // namespace
