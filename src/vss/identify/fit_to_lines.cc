@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "vss/identify/line_sharing.h"
@@ -24,7 +25,7 @@ Eigen::Matrix<double, 2, 3> IdealByWorld(const View& view, const Vector3d& point
 
 // The normal equations of the samples that found a line.
 struct LineEquations {
-  Eigen::MatrixXd ata;
+  Eigen::MatrixXd ata;  // its lower triangle, until Mirror()
   Eigen::VectorXd atb;
   double sum = 0;  // px^2
   int count = 0;
@@ -35,15 +36,25 @@ struct LineEquations {
   void Add(const WorldSolid& solid, const View& view, const ContourSample& s, double distance_px,
            double reach_px) {
     const Vector2d normal(-s.ideal_tangent.y(), s.ideal_tangent.x());
-    const Eigen::RowVectorXd j =
-        (normal.transpose() * IdealByWorld(view, s.point_in_world)) * SampleByState(solid, s);
+    const Eigen::RowVector3d by_world = normal.transpose() * IdealByWorld(view, s.point_in_world);
+    const StateColumns by_state = SampleByState(solid, s);
     const double u = distance_px / (0.5 * reach_px);
     const double w = 1 / (1 + u * u);
-    ata += w * j.transpose() * j;
-    atb += w * distance_px * j.transpose();
+    const int n = int(atb.size());
+    std::array<double, kMaxStateSize> j;
+    for (int i = 0; i < n; ++i)
+      j[std::size_t(i)] =
+          by_world[0] * by_state(0, i) + by_world[1] * by_state(1, i) + by_world[2] * by_state(2, i);
+    for (int k = 0; k < n; ++k) {
+      const double of_column = j[std::size_t(k)];
+      double* column = ata.col(k).data();
+      for (int i = k; i < n; ++i) column[i] += w * j[std::size_t(i)] * of_column;
+      atb[k] += w * distance_px * of_column;
+    }
     sum += distance_px * distance_px;
     ++count;
   }
+  void Mirror() { ata.triangularView<Eigen::StrictlyUpper>() = ata.transpose(); }
 };
 
 LineEquations Linearise(const PlacedObject& object, std::span<const int> views, const SceneIndex& scene,
@@ -74,6 +85,7 @@ LineEquations Linearise(const PlacedObject& object, std::span<const int> views, 
       if (lost[std::size_t(hits[k].sample)] == 0)
         equations.Add(solid, view, samples[std::size_t(hits[k].sample)], signed_distance[k], reach_px);
   }
+  equations.Mirror();
   return equations;
 }
 

@@ -31,7 +31,7 @@ std::vector<std::vector<ContourMatch>> MatchLines(std::span<const View> views,
     Occluders others;
     for (std::size_t k = 0; k < solids.size(); ++k)
       if (k != i) others.Add(solids[k], int(k));
-    matches[i] = Weigh(solids[i], ViewsThatSee(solids[i], views, int(views.size())), scene,
+    matches[i] = Weigh(solids[i], ViewsThatSee(solids[i], scene, int(views.size())), scene,
                        {.keep_matches = true}, &others)
                      .matches;
   });

@@ -2,6 +2,7 @@
 #pragma once
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -25,6 +26,7 @@ struct SceneItem {
   int candidate = -1;  // of the ledger
   double alone = NAN;  // log-odds before the choice; 0: it stands nowhere
   int inside = 0;      // edges of the world that run inside it, see SceneChoice
+  std::optional<std::vector<LineRef>> claimed;  // lines on its visible contour, once somebody asked
 
   WorldSolid Solid() const { return PlaceSolid(h.object, false); }
 };

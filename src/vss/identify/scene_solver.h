@@ -28,7 +28,7 @@ class SceneSolver {
   void SlideAccepted();
   void SeekRims();
   SceneResult Collect();
-  std::vector<UnknownGroup> Unexplained() const;
+  std::vector<UnknownGroup> Unexplained();
 
   SceneData data_;
   std::set<int> sought_;  // serial numbers of the items on which rims were sought
