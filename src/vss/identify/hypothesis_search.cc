@@ -219,6 +219,40 @@ class Search {
 
 }  // namespace
 
+namespace {
+
+// Of each line the best of those seeds that pair it with its nearest partner on either side, where lines
+// speak for it at all: where parts stand side by side, edges of two of them pair as well as those of one.
+std::vector<std::size_t> WithNearestPartners(std::span<const Hypothesis> seeds,
+                                             std::span<const double> scores,
+                                             std::span<const std::size_t> best_first,
+                                             std::span<const WorldLine> lines) {
+  struct Partner {
+    double apart_mm = INFINITY;
+    std::size_t seed = 0;
+  };
+  std::map<std::pair<int, bool>, Partner> nearest;  // by line and side
+  for (std::size_t i : best_first) {
+    const Hypothesis& h = seeds[i];
+    if (scores[i] <= 0) break;
+    if (h.first_line < 0) continue;
+    const WorldLine &a = lines[std::size_t(h.first_line)], &b = lines[std::size_t(h.second_line)];
+    const Vector3d offset = (b.start + b.end - a.start - a.end) / 2;
+    const double apart = a.Unit().cross(offset).norm();
+    for (int line : {h.first_line, h.second_line}) {
+      const Vector3d u = lines[std::size_t(line)].Unit();
+      const double left = (u.x() * offset.y() - u.y() * offset.x()) * (line == h.first_line ? 1 : -1);
+      Partner& p = nearest[{line, left > 0}];
+      if (apart < p.apart_mm) p = {apart, i};
+    }
+  }
+  std::vector<std::size_t> out;
+  for (const auto& [side, partner] : nearest) out.push_back(partner.seed);
+  return out;
+}
+
+}  // namespace
+
 void AddHypotheses(int support, const Explained& known, SceneData& data) {
   const std::string on = support < 0 ? "ground" : data.items[support].kind;
   if (std::none_of(data.templates.begin(), data.templates.end(),
@@ -240,15 +274,19 @@ std::vector<Hypothesis> Promising(std::vector<Hypothesis> seeds, const SeedConte
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return scores[a] > scores[b]; });
   std::map<int, int> used;
-  std::vector<Hypothesis> out;
+  std::vector<bool> chosen(seeds.size());
   for (std::size_t i : order) {
-    Hypothesis& h = seeds[i];
+    const Hypothesis& h = seeds[i];
     const int most = IsSlanted(h, context) ? kPerSlantedLine : kPerLine;
     if (h.first_line >= 0 && (used[h.first_line] >= most || used[h.second_line] >= most)) continue;
     ++used[h.first_line];
     ++used[h.second_line];
-    out.push_back(std::move(h));
+    chosen[i] = true;
   }
+  for (std::size_t i : WithNearestPartners(seeds, scores, order, context.lines)) chosen[i] = true;
+  std::vector<Hypothesis> out;
+  for (std::size_t i : order)
+    if (chosen[i]) out.push_back(std::move(seeds[i]));
   return out;
 }
 

@@ -94,6 +94,20 @@ double LengthOf(const WorldSolid& solid, const MeasuredContours::Contour& contou
   return (solid.vertices[std::size_t(e.end)].point - solid.vertices[std::size_t(e.start)].point).norm();
 }
 
+// One line of the world, or may be: edges of two parts that one picture shows one behind the other are two.
+bool MayBeOneLine(const WorldSolid& a, const MeasuredContours::Contour& of_a, const WorldSolid& b,
+                  const MeasuredContours::Contour& of_b, double mm_per_px) {
+  constexpr double kAsidePx = 3;
+  if (of_a.source != ContourSample::Source::kEdge || of_b.source != ContourSample::Source::kEdge) return true;
+  const SolidEdge &ea = a.edges[std::size_t(of_a.index)], &eb = b.edges[std::size_t(of_b.index)];
+  const Vector3d& start = a.vertices[std::size_t(ea.start)].point;
+  const Vector3d along = (a.vertices[std::size_t(ea.end)].point - start).normalized();
+  const auto aside = [&](int vertex) {
+    return along.cross(b.vertices[std::size_t(vertex)].point - start).norm();
+  };
+  return std::max(aside(eb.start), aside(eb.end)) < kAsidePx * mm_per_px;
+}
+
 // Contours that lie on one line.
 class Groups {
  public:
@@ -264,14 +278,26 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
     double distance_px;
     std::size_t contour;
   };
-  std::unordered_map<std::int64_t, Owner> owners;            // by line and piece of it
-  std::unordered_map<int, std::size_t> first_on_line;        // a contour on each line
+  std::unordered_map<std::int64_t, Owner> owners;             // by line and piece of it
+  std::unordered_map<int, std::vector<std::size_t>> on_line;  // the contours on each line
+  const auto one_line = [&](std::size_t a, std::size_t b) {
+    const auto candidate = [&](std::size_t contour) {
+      const auto n =
+          std::upper_bound(first_contour.begin(), first_contour.end(), contour) - first_contour.begin() - 1;
+      return std::pair(&candidates_[std::size_t(set[std::size_t(n)])],
+                       contour - first_contour[std::size_t(n)]);
+    };
+    const auto [of_a, i] = candidate(a);
+    const auto [of_b, k] = candidate(b);
+    return MayBeOneLine(of_a->solid, of_a->measured.contours[i], of_b->solid, of_b->measured.contours[k],
+                        scene_.mm_per_px);
+  };
   std::vector<const Candidate::InView*> places(set.size());  // in the view at hand
   for (const int v : ViewsOf(set)) {
     const LineIndex& index = scene_.lines[std::size_t(v)];
     for (std::size_t n = 0; n < set.size(); ++n) places[n] = candidates_[std::size_t(set[n])].In(v);
     owners.clear();
-    first_on_line.clear();
+    on_line.clear();
     visible.clear();
     offset.assign(set.size() + 1, 0);
     auto key = [](const MeasuredContours::Sample& m) {
@@ -316,8 +342,12 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
         const auto& m = in_view.samples[i];
         if (!mine[i] || m.line < 0 || m.lost != 0 || taken(i)) continue;
         const std::size_t contour = first_contour[n] + std::size_t(m.contour);
-        const auto [it, is_new] = first_on_line.try_emplace(index.WholeOf(m.line), contour);
-        if (!is_new) groups.Join(it->second, contour);
+        auto& others = on_line[index.WholeOf(m.line)];
+        if (std::find(others.begin(), others.end(), contour) != others.end()) continue;
+        for (std::size_t other : others)
+          if (groups.Root(other) != groups.Root(contour) && one_line(other, contour))
+            groups.Join(other, contour);
+        others.push_back(contour);
       }
       for (const auto& said :
            VoteOf(

@@ -69,6 +69,22 @@ TEST(Ledger, TheSameLinesSpeakForOnePartOnly) {
   EXPECT_LT(both[0].log_odds + both[1].log_odds, alone + 1);
 }
 
+TEST(Ledger, EdgesThatAPictureShowsOneBehindTheOtherAreTwo) {
+  const Scene empty({});
+  // The first camera sees the far top edge of the high box and the near one of the low box as one line.
+  const Vector3d eye(-900, -400, 3000);
+  const double far = 100, near = eye.y() + (far - eye.y()) * (eye.z() - 60) / (eye.z() - 300);
+  const PlacedObject high = empty.Box(0, far - 100, {400, 200, 300}),
+                     low = empty.Box(0, near + 150, {1200, 300, 60});
+  const Scene scene(std::vector<PlacedObject>{high, low});
+  const SceneIndex index = MakeSceneIndex(scene.views, 1.5, 1);
+  Ledger ledger(index);
+  ledger.Add(std::vector<PlacedObject>{high, low}, 1);
+  const auto both = ledger.Weigh(std::vector<int>{0, 1});
+  EXPECT_GT(both[0].log_odds + both[1].log_odds,
+            ledger.Alone(0).log_odds + ledger.Alone(1).log_odds - 10);
+}
+
 TEST(Ledger, WhatAnotherPartHidesDoesNotSpeakAgainstAPart) {
   const Scene empty({});
   const PlacedObject plate = empty.Box(0, 0, {1200, 600, 60});

@@ -249,6 +249,8 @@ std::vector<Hypothesis> WithRims(int i, const Explained& known, std::span<const 
       h.determined.assign(fixed.size(), true);
       h.views = ViewsThatSee(PlaceSolid(h.object, false), data.index, context.max_views);
       RefineAndWeigh(h, context);
+      if (PlaceSolid(h.object, false).circles[std::size_t(rim)].radius_mm < kLeastRadiusPx * data.mm_per_px)
+        continue;
       WeighInAllViews(h, context);
       out.push_back(std::move(h));
     }

@@ -25,13 +25,17 @@ Result<SceneResult> SceneSolver::Run() {
     SlideAccepted();
     SeekRims();
     AddHypotheses(SceneItems::kGround, around, data_);
+    bool afresh = false;
     if (data_.options.contact)
-      for (int support : known) AddHypotheses(support, around, data_);
+      for (int support : known) {
+        afresh |= SearchAfresh(support, known);
+        AddHypotheses(support, around, data_);
+      }
     joiner_.JoinAll();
     if (!data_.items.TakeChanged()) break;
     if (data_.options.contact) ReseatOnPlates(data_);
     choice_.Select();
-    if (choice_.accepted() == known) break;
+    if (choice_.accepted() == known && !afresh) break;
   }
   choice_.DropRefuted();
   if (data_.progress.Cancelled()) return Cancelled();
@@ -82,6 +86,23 @@ void SceneSolver::SlideAccepted() {
   });
   for (std::size_t i = 0; i < candidates.size(); ++i)
     for (auto& h : slid[i]) data_.items.Keep(std::move(h), data_.items[candidates[i].item].support_item);
+}
+
+// What was found over a plate before the plate was known may be wrong in kind, and claims the lines of what is
+// right: each plate is searched once as if nothing stood there. False: it was, or nothing does.
+bool SceneSolver::SearchAfresh(int support, const std::vector<int>& known) {
+  const SceneItem& plate = data_.items[support];
+  const double slack = 3 * data_.mm_per_px;
+  Eigen::AlignedBox3d room = plate.volume.box;
+  room.min().array() -= slack;
+  room.max().array() += slack;
+  room.max().z() += data_.options.max_height_mm;
+  std::vector<int> beside;
+  for (int i : known)
+    if (i == support || !room.contains(data_.items[i].volume.box)) beside.push_back(i);
+  if (beside.size() == known.size() || !searched_.insert(support).second) return false;
+  AddHypotheses(support, ExplainedBy(beside, data_), data_);
+  return true;
 }
 
 void SceneSolver::SeekRims() {

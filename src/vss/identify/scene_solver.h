@@ -27,11 +27,13 @@ class SceneSolver {
   void FindEdges();
   void SlideAccepted();
   void SeekRims();
+  bool SearchAfresh(int support, const std::vector<int>& known);
   SceneResult Collect();
   std::vector<UnknownGroup> Unexplained();
 
   SceneData data_;
   std::set<int> sought_;  // serial numbers of the items on which rims were sought
+  std::set<int> searched_;  // items that were searched as if nothing stood on them
   SceneChoice choice_{data_};
   PlateJoiner joiner_{data_};
 };
