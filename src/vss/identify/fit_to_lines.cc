@@ -27,7 +27,8 @@ Eigen::Matrix<double, 2, 3> IdealByWorld(const View& view, const Vector3d& point
 struct LineEquations {
   Eigen::MatrixXd ata;  // its lower triangle, until Mirror()
   Eigen::VectorXd atb;
-  double sum = 0;  // px^2
+  double sum = 0;     // px^2
+  double weight = 0;  // of all samples
   int count = 0;
 
   explicit LineEquations(int n) : ata(Eigen::MatrixXd::Zero(n, n)), atb(Eigen::VectorXd::Zero(n)) {}
@@ -52,6 +53,7 @@ struct LineEquations {
       atb[k] += w * distance_px * of_column;
     }
     sum += distance_px * distance_px;
+    weight += w;
     ++count;
   }
   void Mirror() { ata.triangularView<Eigen::StrictlyUpper>() = ata.transpose(); }
@@ -91,7 +93,7 @@ LineEquations Linearise(const PlacedObject& object, std::span<const int> views, 
 
 // The step of the state.
 Eigen::VectorXd Solve(LineEquations equations, const std::vector<bool>& free) {
-  auto& [ata, atb, sum, count] = equations;
+  auto& [ata, atb, sum, weight, count] = equations;
   // A weak hold on everything (10 mm, 0.01 rad to a tenth of a sample's weight) keeps what no line moves.
   for (int i = 0; i < int(atb.size()); ++i) {
     const double scale = i >= 3 && i < kPlacementSize ? 0.01 : 10.0;
@@ -110,7 +112,8 @@ Eigen::VectorXd Solve(LineEquations equations, const std::vector<bool>& free) {
 FitToLinesResult FitToLines(PlacedObject& object, std::span<const int> views, const SceneIndex& scene,
                             const std::vector<bool>& free, double first_reach_px, double last_reach_px,
                             int iterations, const Occluders* others) {
-  constexpr int kFewest = 4;  // samples
+  constexpr int kFewest = 4;         // samples
+  constexpr double kStillPx = 0.01;  // a step that moves contours by less, rms, moves them no further
   FitToLinesResult result;
   const auto defs = object.model->dimensions();
   for (int it = 0; it < iterations; ++it) {
@@ -121,13 +124,16 @@ FitToLinesResult FitToLines(PlacedObject& object, std::span<const int> views, co
     if (equations.count < kFewest) return result;
     result.rms_px = std::sqrt(equations.sum / equations.count);
     result.information = equations.ata;
-    Eigen::VectorXd state = object.State() + Solve(equations, free);
+    const Eigen::VectorXd step = Solve(equations, free);
+    Eigen::VectorXd state = object.State() + step;
     if (!state.allFinite()) return {};
     for (std::size_t i = 0; i < defs.size(); ++i) {
       double& d = state[kPlacementSize + int(i)];
       d = std::clamp(d, defs[i].min_mm, defs[i].max_mm);
     }
     object.SetState(state);
+    const double moved_px2 = step.dot(equations.ata * step) / equations.weight;
+    if (first_reach_px == last_reach_px && moved_px2 < kStillPx * kStillPx) break;
   }
   return result;
 }
