@@ -37,7 +37,7 @@ class Completer {
 
   // The best completions of a seed.
   std::vector<Completion> Complete(Hypothesis h) const {
-    h.views = ViewsThatSee(PlaceSolid(h.object, false), context_.scene.views, context_.max_views);
+    h.views = ViewsThatSee(PlaceSolid(h.object, false), context_.scene, context_.max_views);
     if (h.views.empty()) return {};
     if (!kind_.rims.empty() && !kind_.pairs.empty() && !CompleteRims(h, h.views)) return {};
     const double hopeless = IsSlanted(h, context_) ? kHopelessSlanted : kHopeless;
@@ -113,6 +113,9 @@ class Completer {
   // False where there is none: the object is then a simpler one.
   bool CompleteRims(Hypothesis& h, const std::vector<int>& views) const {
     const WorldSolid solid = PlaceSolid(h.object);
+    // No rim lies farther from the object's middle than all its dimensions together.
+    double farthest = 0;
+    for (const auto& d : h.object.model->dimensions()) farthest += d.max_mm;
     double best_score = -INFINITY;
     PlacedObject best = h.object;
     bool any_open = false;
@@ -123,7 +126,9 @@ class Completer {
       if (!open) continue;
       any_open = true;
       for (const auto& w : context_.circles) {
-        if (std::abs(w.center.z() - c.center.point.z()) > 3 * context_.mm_per_px) continue;
+        if (std::abs(w.center.z() - c.center.point.z()) > 3 * context_.mm_per_px ||
+            (w.center - h.object.placement.head<3>()).head<2>().norm() > farthest)
+          continue;
         const auto o = LaidOnCircle(h.object, h.determined,
                                     {rim, {w.center.x(), w.center.y(), c.center.point.z()}, w.radius_mm},
                                     context_.mm_per_px);

@@ -2,6 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <numeric>
+
+#include "vss/identify/views_that_see.h"
 
 namespace vss {
 namespace {
@@ -9,95 +13,19 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// Does the segment eye + s * d, s in (0, limit), meet the triangle? (Moeller, Trumbore 1997.)
-bool Meets(const Vector3d& eye, const Vector3d& d, double limit, const std::array<Vector3d, 3>& t) {
-  const Vector3d e1 = t[1] - t[0], e2 = t[2] - t[0], h = d.cross(e2);
-  const double det = e1.dot(h);
-  if (std::abs(det) < 1e-12) return false;
-  const Vector3d s = eye - t[0];
-  const double u = s.dot(h) / det;
-  if (u < 0 || u > 1) return false;
-  const Vector3d q = s.cross(e1);
-  const double v = d.dot(q) / det;
-  if (v < 0 || u + v > 1) return false;
-  const double along = e2.dot(q) / det;
-  return along > 0 && along < limit;
-}
-
-// Is the front of the triangle turned to `eye`?
-bool Toward(const std::array<Vector3d, 3>& t, const Vector3d& eye) {
-  return (t[1] - t[0]).cross(t[2] - t[0]).dot(eye - t[0]) > 0;
-}
-
 // A point on an edge lies on its own faces: rays stop this far before it, so that it does not hide itself.
 constexpr double kSelfMarginMm = 0.5;
 // The facets of a cylinder lie off it by less than this share of its radius (knowledge/build_solid.cc:
 // .0021).
 constexpr double kFacetShare = 0.003;
 
-// What can hide, as a picture shows it: triangles in `ideal` px, the inverse depth an affine function there.
-class Screen {
- public:
-  void Add(const View& view, const std::array<Vector3d, 3>& triangle) {
-    constexpr double kMinDepthMm = 1.0;
-    const auto& k = view.camera->intrinsics;
-    Triangle t;
-    Vector2d p[3];
-    double inverse[3];
-    for (int i = 0; i < 3; ++i) {
-      const Vector3d c = view.cam_from_world * triangle[std::size_t(i)];
-      if (c.z() < kMinDepthMm) {  // reaches behind the camera
-        near_.push_back(triangle);
-        return;
-      }
-      p[i] = {k.fx_px * c.x() / c.z() + k.cx_px, k.fy_px * c.y() / c.z() + k.cy_px};
-      inverse[i] = 1 / c.z();
-    }
-    const double area = (p[1] - p[0]).x() * (p[2] - p[0]).y() - (p[1] - p[0]).y() * (p[2] - p[0]).x();
-    if (std::abs(area) < 1e-9) return;
-    t.lo = p[0].cwiseMin(p[1]).cwiseMin(p[2]);
-    t.hi = p[0].cwiseMax(p[1]).cwiseMax(p[2]);
-    // Barycentric coordinates as affine functions of the place.
-    for (int i = 0; i < 3; ++i) {
-      const Vector2d &a = p[(i + 1) % 3], &b = p[(i + 2) % 3];
-      t.share[i] = Vector3d(a.y() - b.y(), b.x() - a.x(), a.x() * b.y() - a.y() * b.x()) / area;
-    }
-    t.inverse_depth = inverse[0] * t.share[0] + inverse[1] * t.share[1] + inverse[2] * t.share[2];
-    triangles_.push_back(t);
-  }
-
-  // Does anything hide the point, which projects to `ideal` at `depth`, from more than `margin` (a share of
-  // the distance) before it?
-  bool Hides(const Vector2d& ideal, double depth, double margin, const Vector3d& eye,
-             const Vector3d& point) const {
-    const double least = 1 / (depth * (1 - margin));
-    const Vector3d at(ideal.x(), ideal.y(), 1);
-    for (const auto& t : triangles_) {
-      if (ideal.x() < t.lo.x() || ideal.x() > t.hi.x() || ideal.y() < t.lo.y() || ideal.y() > t.hi.y())
-        continue;
-      if (t.inverse_depth.dot(at) <= least) continue;
-      if (t.share[0].dot(at) >= 0 && t.share[1].dot(at) >= 0 && t.share[2].dot(at) >= 0) return true;
-    }
-    for (const auto& t : near_)
-      if (Meets(eye, point - eye, 1 - margin, t)) return true;
-    return false;
-  }
-
- private:
-  struct Triangle {
-    Vector2d lo, hi;
-    Vector3d share[3];
-    Vector3d inverse_depth;
-  };
-  std::vector<Triangle> triangles_;
-  std::vector<std::array<Vector3d, 3>> near_;
-};
-
 struct Sampler {
   const WorldSolid& solid;
   const View& view;
   const ContourSampling& sampling;
-  Screen self, others;
+  Screen self, made;
+  const Screen* others = nullptr;
+  int except = Screen::kNobody;
   std::vector<bool> front;
   std::vector<ContourSample> samples;
 
@@ -110,19 +38,16 @@ struct Sampler {
                  f.normal_in_part.dot(view.center_in_world - f.triangles[0][0]) > 0;
     }
     if (!sampling.visibility) return;
-    if (around) {
-      std::vector<const std::array<Vector3d, 3>*> facing;
-      around->Facing(view.center_in_world, facing);
-      for (const auto* t : facing) others.Add(view, *t);
+    if (around && !around->Empty()) {
+      others = &around->ScreenOf(view, made);
+      except = around->Left();
     }
     // A convex solid hides its own contour only by faces turned away; any other by faces turned to the
     // camera, which a ray from there meets first.
     const bool convex = solid.circles.empty() && std::all_of(solid.edges.begin(), solid.edges.end(),
                                                              [](const SolidEdge& e) { return e.convex; });
     if (convex) return;
-    for (const auto& f : solid.faces)
-      for (const auto& t : f.triangles)
-        if (Toward(t, view.center_in_world)) self.Add(view, t);
+    for (const auto& f : solid.faces) self.Add(view, f.triangles);
   }
 
   bool FaceFront(int face, const Vector3d& at) const {
@@ -131,6 +56,15 @@ struct Sampler {
     Vector3d out = at - f.axis_point;
     out -= f.axis_direction * f.axis_direction.dot(out);
     return (f.is_hole ? -1.0 : 1.0) * out.dot(view.center_in_world - at) > 0;
+  }
+
+  // Wherever one looks at the edge?
+  bool BothTurnedAway(const SolidEdge& e) const {
+    const auto away = [&](int face) {
+      return !solid.faces[static_cast<std::size_t>(face)].is_cylinder &&
+             !front[static_cast<std::size_t>(face)];
+    };
+    return away(e.left_face) && away(e.right_face);
   }
 
   // `step_mm`: the contour's piece. `lift` (mm): where the ray that asks for visibility ends, against the
@@ -168,7 +102,8 @@ struct Sampler {
       const double distance = std::max(q.norm(), 1.0);
       auto margin = [&](double mm) { return std::min(mm / distance, 0.5); };
       sample.visible = !self.Hides(ideal, q.z(), margin(kSelfMarginMm), view.center_in_world, target) &&
-                       !others.Hides(ideal, q.z(), margin(sampling.touch_mm), view.center_in_world, target);
+                       !(others && others->Hides(ideal, q.z(), margin(sampling.touch_mm),
+                                                 view.center_in_world, target, except));
     }
     samples.push_back(sample);
   }
@@ -186,8 +121,10 @@ struct Sampler {
   void Edges() {
     for (std::size_t i = 0; i < solid.edges.size(); ++i) {
       const auto& e = solid.edges[i];
+      if (BothTurnedAway(e)) continue;
       const Vector3d& a = solid.vertices[static_cast<std::size_t>(e.start)].point;
       const Vector3d& b = solid.vertices[static_cast<std::size_t>(e.end)].point;
+      if (view.SurelyMisses(a, b)) continue;
       const int n = Count(LengthPx(a, b));
       const double length = std::max((b - a).norm(), 1e-9);
       for (int k = 0; k < n; ++k) {
@@ -272,7 +209,37 @@ void Occluders::Add(const WorldSolid& solid, int owner) {
   if (body.triangles.empty()) return;
   body.center = box.center();
   body.radius = box.sizes().norm() / 2;
-  bodies_.push_back(std::move(body));
+  bodies_.push_back(std::make_shared<const Body>(std::move(body)));
+  screens_.reset();
+}
+
+void Occluders::Prepare(std::span<const View> views) {
+  auto screens = std::make_shared<Screens>();
+  screens->views = views;
+  for (const View& view : views) {
+    Screen& screen = screens->of_view.emplace_back();
+    for (const auto& body : bodies_)
+      if (view.MayShowBall(body->center, body->radius)) screen.Add(view, body->triangles, body->owner);
+  }
+  screens_ = std::move(screens);
+}
+
+Occluders Occluders::Without(int owner) const {
+  Occluders rest = *this;
+  std::erase_if(rest.bodies_, [&](const auto& body) { return body->owner == owner; });
+  rest.left_ = owner;
+  return rest;
+}
+
+const Screen& Occluders::ScreenOf(const View& view, Screen& made) const {
+  if (screens_) {
+    const View* first = screens_->views.data();
+    const std::less<const View*> before;
+    if (!before(&view, first) && before(&view, first + screens_->views.size()))
+      return screens_->of_view[std::size_t(&view - first)];
+  }
+  for (const auto& body : bodies_) made.Add(view, body->triangles, body->owner);
+  return made;
 }
 
 bool Occluders::Free(const Vector3d& eye, const Vector3d& point, double margin_mm) const {
@@ -280,9 +247,9 @@ bool Occluders::Free(const Vector3d& eye, const Vector3d& point, double margin_m
   const double length = d.norm();
   const double limit = 1 - margin_mm / std::max(length, margin_mm);
   for (const auto& body : bodies_) {
-    const double along = std::clamp((body.center - eye).dot(d) / (length * length), 0.0, 1.0);
-    if ((eye + along * d - body.center).squaredNorm() > body.radius * body.radius) continue;
-    for (const auto& t : body.triangles)
+    const double along = std::clamp((body->center - eye).dot(d) / (length * length), 0.0, 1.0);
+    if ((eye + along * d - body->center).squaredNorm() > body->radius * body->radius) continue;
+    for (const auto& t : body->triangles)
       if (Meets(eye, d, limit, t)) return false;
   }
   return true;
@@ -292,21 +259,15 @@ double Occluders::Cast(const Vector3d& origin, const Vector3d& direction, double
   constexpr double kSquarely = -0.995;
   double nearest = INFINITY;
   for (const auto& body : bodies_) {
-    const double along = std::clamp((body.center - origin).dot(direction), 0.0, most_mm);
-    if ((origin + along * direction - body.center).squaredNorm() > body.radius * body.radius) continue;
-    for (const auto& t : body.triangles) {
+    const double along = std::clamp((body->center - origin).dot(direction), 0.0, most_mm);
+    if ((origin + along * direction - body->center).squaredNorm() > body->radius * body->radius) continue;
+    for (const auto& t : body->triangles) {
       const Vector3d normal = (t[1] - t[0]).cross(t[2] - t[0]).normalized();
       if (normal.dot(direction) > kSquarely || !Meets(origin, direction, most_mm, t)) continue;
       nearest = std::min(nearest, normal.dot(t[0] - origin) / normal.dot(direction));
     }
   }
   return nearest;
-}
-
-void Occluders::Facing(const Vector3d& eye, std::vector<const std::array<Vector3d, 3>*>& out) const {
-  for (const auto& body : bodies_)
-    for (const auto& t : body.triangles)
-      if (Toward(t, eye)) out.push_back(&t);
 }
 
 std::vector<Occluders> OthersOf(std::span<const WorldSolid> solids) {
@@ -339,22 +300,20 @@ std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& vi
 
 std::vector<bool> HiddenBy(const View& view, const Occluders& others,
                            std::span<const Vector3d> points_in_world, double touch_mm) {
-  std::vector<const std::array<Vector3d, 3>*> facing;
-  others.Facing(view.center_in_world, facing);
-  Screen screen;
-  for (const auto* t : facing) screen.Add(view, *t);
+  Screen made;
+  const Screen& screen = others.ScreenOf(view, made);
   const auto& k = view.camera->intrinsics;
   std::vector<bool> hidden(points_in_world.size());
   for (std::size_t i = 0; i < points_in_world.size(); ++i) {
     const Vector3d p = view.cam_from_world * points_in_world[i];
     const double margin = std::min(touch_mm / std::max(p.norm(), 1.0), 0.5);
     hidden[i] = screen.Hides(k.IdealFromNormalized({p.x() / p.z(), p.y() / p.z()}), p.z(), margin,
-                             view.center_in_world, points_in_world[i]);
+                             view.center_in_world, points_in_world[i], others.Left());
   }
   return hidden;
 }
 
-Eigen::Matrix3Xd SampleByState(const WorldSolid& solid, const ContourSample& s) {
+StateColumns SampleByState(const WorldSolid& solid, const ContourSample& s) {
   if (s.source == ContourSample::Source::kEdge) {
     const auto& e = solid.edges[static_cast<std::size_t>(s.index)];
     return (1 - s.t) * solid.vertices[static_cast<std::size_t>(e.start)].by_state +
@@ -376,33 +335,9 @@ Eigen::Matrix3Xd SampleByState(const WorldSolid& solid, const ContourSample& s) 
 }
 
 std::vector<int> ViewsThatSee(const WorldSolid& solid, std::span<const View> views, int most) {
-  std::vector<Vector3d> points;
-  for (const auto& v : solid.vertices) points.push_back(v.point);
-  for (const auto& e : solid.edges)
-    for (double t : {0.25, 0.5, 0.75})
-      points.push_back((1 - t) * solid.vertices[std::size_t(e.start)].point +
-                       t * solid.vertices[std::size_t(e.end)].point);
-  for (const auto& c : solid.circles)
-    for (int k = 0; k < 8; ++k)
-      points.push_back(c.center.point +
-                       c.radius_mm * (c.axis_u * std::cos(k * kPi / 4) + c.axis_v * std::sin(k * kPi / 4)));
-  std::vector<std::pair<double, int>> seen;
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    int inside = 0;
-    double size = 0;
-    for (const auto& p : points) {
-      if (!views[i].Shows(p)) continue;
-      ++inside;
-      size += views[i].camera->intrinsics.fx_px / (p - views[i].center_in_world).norm();
-    }
-    if (inside > 0) seen.push_back({-size, static_cast<int>(i)});
-  }
-  std::sort(seen.begin(), seen.end());
-  if (static_cast<int>(seen.size()) > most) seen.resize(static_cast<std::size_t>(most));
-  std::vector<int> out;
-  for (const auto& s : seen) out.push_back(s.second);
-  std::sort(out.begin(), out.end());
-  return out;
+  std::vector<int> all(views.size());
+  std::iota(all.begin(), all.end(), 0);
+  return ViewsThatSee(solid, views, all, most);
 }
 
 }  // namespace vss

@@ -2,10 +2,12 @@
 // parts.
 #pragma once
 #include <Eigen/Core>
+#include <memory>
 #include <span>
 #include <vector>
 
 #include "vss/identify/placed_object.h"
+#include "vss/identify/screen.h"
 #include "vss/identify/view.h"
 
 namespace vss {
@@ -27,27 +29,41 @@ struct ContourSample {
   bool silhouette = false;  // one of its two faces is turned away: the background is on one side
 };
 
-// What can hide: the triangles of solids, with a bounding sphere each.
+// What can hide: the triangles of solids, with a bounding sphere each. Cheap to copy.
 class Occluders {
  public:
   void Add(const WorldSolid& solid, int owner);
+  // Projects the solids into each of `views`, which must stay where they are, once for all that asks later;
+  // to be called after the last Add().
+  void Prepare(std::span<const View> views);
+  // All but what `owner` owns; what was prepared stays so.
+  Occluders Without(int owner) const;
   bool Empty() const { return bodies_.empty(); }
   // Is the segment from `eye` to `point` (stopping `margin_mm` short of it) free?
   bool Free(const Eigen::Vector3d& eye, const Eigen::Vector3d& point, double margin_mm) const;
   // How far it is from `origin` along the unit vector `direction` to the next face turned against it (to
   // within some 6 degrees of squarely); INFINITY where there is none within `most_mm`.
   double Cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction, double most_mm) const;
-  // The triangles turned to `eye`.
-  void Facing(const Eigen::Vector3d& eye, std::vector<const std::array<Eigen::Vector3d, 3>*>& out) const;
+  // The triangles turned to a view's camera: as prepared, or made in `made`. Those of Left() may be among
+  // them.
+  const Screen& ScreenOf(const View& view, Screen& made) const;
+  // The owner that Without() left out.
+  int Left() const { return left_; }
 
  private:
   struct Body {
     Eigen::Vector3d center;
     double radius;
     int owner;
-    std::vector<std::array<Eigen::Vector3d, 3>> triangles;
+    std::vector<Triangle3d> triangles;
   };
-  std::vector<Body> bodies_;
+  struct Screens {
+    std::span<const View> views;
+    std::vector<Screen> of_view;
+  };
+  std::vector<std::shared_ptr<const Body>> bodies_;
+  std::shared_ptr<const Screens> screens_;
+  int left_ = Screen::kNobody;
 };
 
 // For each solid all others.
@@ -80,6 +96,6 @@ std::vector<bool> HiddenBy(const View& view, const Occluders& others,
 std::vector<int> ViewsThatSee(const WorldSolid& solid, std::span<const View> views, int most);
 
 // d point / d state of a sample (3 x StateSize) as a material point of its edge, rim or limb.
-Eigen::Matrix3Xd SampleByState(const WorldSolid& solid, const ContourSample& sample);
+StateColumns SampleByState(const WorldSolid& solid, const ContourSample& sample);
 
 }  // namespace vss

@@ -7,12 +7,14 @@
 
 namespace vss {
 
+using StateRow = Eigen::Matrix<double, 1, Eigen::Dynamic, Eigen::RowMajor, 1, kMaxStateSize>;
+
 // Normal equations of a linear system on the state of an object.
 struct NormalEquations {
   Eigen::MatrixXd ata;
   Eigen::VectorXd atb;
   explicit NormalEquations(int n) : ata(Eigen::MatrixXd::Zero(n, n)), atb(Eigen::VectorXd::Zero(n)) {}
-  void Add(const Eigen::RowVectorXd& j, double residual, double weight) {
+  void Add(const StateRow& j, double residual, double weight) {
     ata += weight * j.transpose() * j;
     atb -= weight * residual * j.transpose();
   }

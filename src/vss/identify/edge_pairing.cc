@@ -62,9 +62,38 @@ std::optional<EdgeCandidate> EdgePairing::Explain(int i, int line) const {
   for (const int j : fitter_.Together(i)) {
     const View& other = fitter_.ViewOf(j);
     if ((other.center_in_world - view.center_in_world).norm() < kMinBaselineMm) continue;
-    for (const int k : Paired(j)) PairUp(view, a, other, fitter_.LineOf({j, k}), candidates);
+    const Eigen::AlignedBox2d room = RoomIn(other, view, a);
+    for (const int k : Paired(j)) {
+      const ViewLine& b = fitter_.LineOf({j, k});
+      if (room.intersects(Eigen::AlignedBox2d(b.start.cwiseMin(b.end), b.start.cwiseMax(b.end))))
+        PairUp(view, a, other, b, candidates);
+    }
   }
   return Best(i, line, candidates);
+}
+
+// Where `other` may show what is line `a` of `view`, between the least and the largest height.
+Eigen::AlignedBox2d EdgePairing::RoomIn(const View& other, const View& view, const ViewLine& a) const {
+  // An upright edge is placed near its rays, not on them.
+  constexpr double kMarginPx = 20, kMarginMm = 50, kMinSlope = 1e-3, kNearMm = 10;
+  const Eigen::AlignedBox2d all(Eigen::Vector2d::Constant(-INFINITY), Eigen::Vector2d::Constant(INFINITY));
+  Eigen::AlignedBox2d room;
+  for (const Vector3d& ray : {a.ray_start, a.ray_end}) {
+    if (ray.z() > -kMinSlope) return all;
+    const auto at = [&](double z) {  // not behind the camera that sees it
+      return Vector3d(view.center_in_world + std::max(0.0, (z - view.center_in_world.z()) / ray.z()) * ray);
+    };
+    const Vector3d low = at(fitter_.options().min_height_mm - kMarginMm);
+    Vector3d high = at(fitter_.options().max_height_mm + kMarginMm);
+    const double depth = (other.cam_from_world * low).z(), high_depth = (other.cam_from_world * high).z();
+    if (depth <= kNearMm) return all;
+    if (high_depth < kNearMm) high = low + (high - low) * ((depth - kNearMm) / (depth - high_depth));
+    const auto from = other.ProjectIdeal(low), to = other.ProjectIdeal(high);
+    if (!from || !to) return all;
+    room.extend(*from);
+    room.extend(*to);
+  }
+  return {room.min().array() - kMarginPx, room.max().array() + kMarginPx};
 }
 
 void EdgePairing::PairUp(const View& va, const ViewLine& a, const View& vb, const ViewLine& b,

@@ -21,6 +21,7 @@ class EdgePairing {
   std::optional<EdgeCandidate> Explain(int i, int line) const;
 
  private:
+  Eigen::AlignedBox2d RoomIn(const View& other, const View& view, const ViewLine& a) const;
   void PairUp(const View& va, const ViewLine& a, const View& vb, const ViewLine& b,
               std::vector<EdgeCandidate>& out) const;
   bool Place(const View& va, const ViewLine& a, const View& vb, const ViewLine& b, EdgeCandidate& c) const;

@@ -1,5 +1,7 @@
 #include "vss/identify/explained.h"
 
+#include <algorithm>
+
 namespace vss {
 namespace {
 
@@ -23,28 +25,46 @@ void ClaimLine(int v, int line, const SceneIndex& scene, Claims& claims) {
 }
 
 // The lines on which the item's visible contour lies.
-void Claim(const SceneItem& item, const SceneIndex& scene, Claims& claims) {
+std::vector<LineRef> LinesOf(const SceneItem& item, const SceneIndex& scene) {
+  std::vector<LineRef> found;
   const WorldSolid solid = item.Solid();
-  for (int v : ViewsThatSee(solid, scene.views, int(scene.views.size())))
+  for (int v : ViewsThatSee(solid, scene, int(scene.views.size())))
     for (const auto& s : SampleContour(solid, scene.views[std::size_t(v)], 6, 3)) {
       if (!s.visible) continue;
       const LineHit hit = scene.Match(v, s, scene.tolerance_px, 0.9962);
-      if (hit.line >= 0) ClaimLine(v, hit.line, scene, claims);
+      const LineRef line{v, hit.line};
+      if (hit.line >= 0 && std::find(found.rbegin(), found.rend(), line) == found.rend())
+        found.push_back(line);
     }
+  return found;
+}
+
+Claims ClaimsOf(std::span<const int> items, int left_out, const SceneData& data) {
+  Claims claims(data.views.size());
+  for (std::size_t v = 0; v < data.views.size(); ++v) claims[v].resize(data.index.lines[v].lines().size());
+  for (int i : items)
+    if (i != left_out)
+      for (const LineRef& r : *data.items[i].claimed) ClaimLine(r.view, r.line, data.index, claims);
+  return claims;
 }
 
 }  // namespace
 
-Explained ExplainedBy(std::span<const int> items, const SceneData& data) {
+Explained ExplainedBy(std::span<const int> items, SceneData& data) {
   Explained known;
-  known.claims.resize(data.views.size());
-  for (std::size_t v = 0; v < data.views.size(); ++v)
-    known.claims[v].resize(data.index.lines[v].lines().size());
   for (int i : items) {
+    auto& claimed = data.items[i].claimed;
+    if (!claimed) claimed = LinesOf(data.items[i], data.index);
     known.others.Add(data.items[i].Solid(), i);
-    Claim(data.items[i], data.index, known.claims);
   }
+  known.others.Prepare(data.views);
+  known.claims = ClaimsOf(items, SceneItems::kGround, data);
   return known;
+}
+
+Explained ExplainedWithout(int item, const Explained& known, std::span<const int> items,
+                           const SceneData& data) {
+  return {known.others.Without(item), ClaimsOf(items, item, data)};
 }
 
 bool Explains(const Claims& claims, const WorldLine& l, const SceneIndex& scene) {

@@ -11,8 +11,11 @@ struct Explained {
   Occluders others;
   Claims claims;  // empty: nothing is known
 };
-// By some of the items.
-Explained ExplainedBy(std::span<const int> items, const SceneData& data);
+// By some of the items; each is held against the pictures once.
+Explained ExplainedBy(std::span<const int> items, SceneData& data);
+// By all but one of those that `known` is made of.
+Explained ExplainedWithout(int item, const Explained& known, std::span<const int> items,
+                           const SceneData& data);
 
 // Is most of the line explained already?
 bool Explains(const Claims& claims, const WorldLine& line, const SceneIndex& index);

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "vss/identify/line_sharing.h"
@@ -24,9 +25,10 @@ Eigen::Matrix<double, 2, 3> IdealByWorld(const View& view, const Vector3d& point
 
 // The normal equations of the samples that found a line.
 struct LineEquations {
-  Eigen::MatrixXd ata;
+  Eigen::MatrixXd ata;  // its lower triangle, until Mirror()
   Eigen::VectorXd atb;
-  double sum = 0;  // px^2
+  double sum = 0;     // px^2
+  double weight = 0;  // of all samples
   int count = 0;
 
   explicit LineEquations(int n) : ata(Eigen::MatrixXd::Zero(n, n)), atb(Eigen::VectorXd::Zero(n)) {}
@@ -35,15 +37,26 @@ struct LineEquations {
   void Add(const WorldSolid& solid, const View& view, const ContourSample& s, double distance_px,
            double reach_px) {
     const Vector2d normal(-s.ideal_tangent.y(), s.ideal_tangent.x());
-    const Eigen::RowVectorXd j =
-        (normal.transpose() * IdealByWorld(view, s.point_in_world)) * SampleByState(solid, s);
+    const Eigen::RowVector3d by_world = normal.transpose() * IdealByWorld(view, s.point_in_world);
+    const StateColumns by_state = SampleByState(solid, s);
     const double u = distance_px / (0.5 * reach_px);
     const double w = 1 / (1 + u * u);
-    ata += w * j.transpose() * j;
-    atb += w * distance_px * j.transpose();
+    const int n = int(atb.size());
+    std::array<double, kMaxStateSize> j;
+    for (int i = 0; i < n; ++i)
+      j[std::size_t(i)] =
+          by_world[0] * by_state(0, i) + by_world[1] * by_state(1, i) + by_world[2] * by_state(2, i);
+    for (int k = 0; k < n; ++k) {
+      const double of_column = j[std::size_t(k)];
+      double* column = ata.col(k).data();
+      for (int i = k; i < n; ++i) column[i] += w * j[std::size_t(i)] * of_column;
+      atb[k] += w * distance_px * of_column;
+    }
     sum += distance_px * distance_px;
+    weight += w;
     ++count;
   }
+  void Mirror() { ata.triangularView<Eigen::StrictlyUpper>() = ata.transpose(); }
 };
 
 LineEquations Linearise(const PlacedObject& object, std::span<const int> views, const SceneIndex& scene,
@@ -74,12 +87,13 @@ LineEquations Linearise(const PlacedObject& object, std::span<const int> views, 
       if (lost[std::size_t(hits[k].sample)] == 0)
         equations.Add(solid, view, samples[std::size_t(hits[k].sample)], signed_distance[k], reach_px);
   }
+  equations.Mirror();
   return equations;
 }
 
 // The step of the state.
 Eigen::VectorXd Solve(LineEquations equations, const std::vector<bool>& free) {
-  auto& [ata, atb, sum, count] = equations;
+  auto& [ata, atb, sum, weight, count] = equations;
   // A weak hold on everything (10 mm, 0.01 rad to a tenth of a sample's weight) keeps what no line moves.
   for (int i = 0; i < int(atb.size()); ++i) {
     const double scale = i >= 3 && i < kPlacementSize ? 0.01 : 10.0;
@@ -98,7 +112,8 @@ Eigen::VectorXd Solve(LineEquations equations, const std::vector<bool>& free) {
 FitToLinesResult FitToLines(PlacedObject& object, std::span<const int> views, const SceneIndex& scene,
                             const std::vector<bool>& free, double first_reach_px, double last_reach_px,
                             int iterations, const Occluders* others) {
-  constexpr int kFewest = 4;  // samples
+  constexpr int kFewest = 4;         // samples
+  constexpr double kStillPx = 0.01;  // a step that moves contours by less, rms, moves them no further
   FitToLinesResult result;
   const auto defs = object.model->dimensions();
   for (int it = 0; it < iterations; ++it) {
@@ -109,13 +124,16 @@ FitToLinesResult FitToLines(PlacedObject& object, std::span<const int> views, co
     if (equations.count < kFewest) return result;
     result.rms_px = std::sqrt(equations.sum / equations.count);
     result.information = equations.ata;
-    Eigen::VectorXd state = object.State() + Solve(equations, free);
+    const Eigen::VectorXd step = Solve(equations, free);
+    Eigen::VectorXd state = object.State() + step;
     if (!state.allFinite()) return {};
     for (std::size_t i = 0; i < defs.size(); ++i) {
       double& d = state[kPlacementSize + int(i)];
       d = std::clamp(d, defs[i].min_mm, defs[i].max_mm);
     }
     object.SetState(state);
+    const double moved_px2 = step.dot(equations.ata * step) / equations.weight;
+    if (first_reach_px == last_reach_px && moved_px2 < kStillPx * kStillPx) break;
   }
   return result;
 }

@@ -293,7 +293,7 @@ std::vector<Hypothesis> Promising(std::vector<Hypothesis> seeds, const SeedConte
 void WeighInAllViews(Hypothesis& h, const SeedContext& context) {
   constexpr int kManyViews = 40;
   const WorldSolid solid = PlaceSolid(h.object, false);
-  h.views = ViewsThatSee(solid, context.scene.views, kManyViews);
+  h.views = ViewsThatSee(solid, context.scene, kManyViews);
   h.log_odds = Weigh(solid, h.views, context.scene,
                      {.grey = true, .prior_log_odds = PriorLogOdds(h.object, context.scene.mm_per_px)},
                      context.others, context.claims)

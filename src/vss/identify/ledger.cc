@@ -5,7 +5,7 @@
 #include <cmath>
 #include <iterator>
 #include <numeric>
-#include <unordered_map>
+#include <utility>
 
 #include "vss/base/parallel.h"
 
@@ -136,19 +136,89 @@ void Ledger::Add(std::span<const PlacedObject> objects, int threads) {
   ParallelFor(objects.size(), threads, [&](std::size_t i) {
     Candidate& c = candidates_[first + i];
     const WorldSolid solid = PlaceSolid(objects[i], false);
-    const auto views = ViewsThatSee(solid, scene_.views, kManyViews);
+    const auto views = ViewsThatSee(solid, scene_, kManyViews);
     c.prior = PriorLogOdds(objects[i], scene_.mm_per_px);
     c.measured = MeasureContours(solid, views, scene_, {.grey = true});
     c.painted = PaintedLogOdds(solid, views, scene_, {.rings = true});
     c.body.Add(solid, int(first + i));
     c.volume = MakeVolume(solid);
-    c.slot_of_view.assign(scene_.views.size(), -1);
-    for (std::size_t s = 0; s < c.measured.views.size(); ++s)
-      c.slot_of_view[std::size_t(c.measured.views[s].view)] = int(s);
-    for (std::size_t v = 0; v < scene_.views.size(); ++v)
-      c.screen.push_back(ScreenOf(solid, scene_.views[v]));
     c.solid = solid;
+    c.in_views = PlacesOf(c);
   });
+}
+
+const Ledger::Candidate::InView* Ledger::Candidate::In(int view) const {
+  const auto it = std::lower_bound(in_views.begin(), in_views.end(), view,
+                                   [](const InView& a, int v) { return a.view < v; });
+  return it == in_views.end() || it->view != view ? nullptr : &*it;
+}
+
+std::vector<Ledger::Candidate::InView> Ledger::PlacesOf(const Candidate& c) const {
+  std::vector<Candidate::InView> places;
+  const auto& box = c.volume.box;
+  for (const int v : scene_.ViewsNear(box)) {
+    const View& view = scene_.views[std::size_t(v)];
+    const auto seen = std::find_if(c.measured.views.begin(), c.measured.views.end(),
+                                   [&](const auto& in_view) { return in_view.view == v; });
+    const bool is_seen = seen != c.measured.views.end();
+    if (!is_seen && !view.MayShowBall(box.center(), box.sizes().norm() / 2)) continue;
+    places.push_back({v, is_seen ? int(seen - c.measured.views.begin()) : -1, ScreenOf(c.solid, view)});
+  }
+  return places;
+}
+
+std::vector<int> Ledger::ViewsOf(std::span<const int> set) const {
+  std::vector<int> views;
+  for (const int i : set)
+    for (const auto& in_view : candidates_[std::size_t(i)].measured.views) views.push_back(in_view.view);
+  std::sort(views.begin(), views.end());
+  views.erase(std::unique(views.begin(), views.end()), views.end());
+  return views;
+}
+
+const std::vector<int>& Ledger::Linked(int candidate, double near_mm) {
+  shown_in_.resize(scene_.views.size());
+  while (links_.size() < candidates_.size()) Link(int(links_.size()), near_mm);
+  return links_[std::size_t(candidate)];
+}
+
+// Links a candidate with those linked before.
+void Ledger::Link(int candidate, double near_mm) {
+  const Candidate& c = candidates_[std::size_t(candidate)];
+  std::vector<int> linked;
+  for (const auto& place : c.in_views) {
+    auto& others = shown_in_[std::size_t(place.view)];
+    for (const int k : others)
+      if (place.screen.intersects(candidates_[std::size_t(k)].In(place.view)->screen)) linked.push_back(k);
+    others.push_back(candidate);
+  }
+  for (const auto& in_view : c.measured.views) {
+    const LineIndex& index = scene_.lines[std::size_t(in_view.view)];
+    int last = -1;
+    for (const auto& m : in_view.samples) {
+      if (m.line < 0) continue;
+      const int line = index.WholeOf(m.line);
+      if (line == std::exchange(last, line)) continue;
+      auto& others = on_line_[(std::int64_t(in_view.view) << 32) + line];
+      linked.insert(linked.end(), others.begin(), others.end());
+      if (others.empty() || others.back() != candidate) others.push_back(candidate);
+    }
+  }
+  const auto reach_of = [&](const Candidate& other) {
+    return std::max(
+        {near_mm, kShadowReach * other.volume.box.sizes().z(), *std::rbegin(kSeamGapsPx) * scene_.mm_per_px});
+  };
+  for (int k = 0; k < candidate; ++k) {
+    const Candidate& other = candidates_[std::size_t(k)];
+    const Vector3d reach = Vector3d::Constant(std::max(reach_of(c), reach_of(other)));
+    const Eigen::AlignedBox3d near(other.volume.box.min() - reach, other.volume.box.max() + reach);
+    if (near.intersects(c.volume.box)) linked.push_back(k);
+  }
+  std::sort(linked.begin(), linked.end());
+  linked.erase(std::unique(linked.begin(), linked.end()), linked.end());
+  std::erase(linked, candidate);
+  for (const int k : linked) links_[std::size_t(k)].push_back(candidate);
+  links_.push_back(std::move(linked));
 }
 
 const std::vector<bool>& Ledger::Hidden(int i, int slot, int k) {
@@ -159,7 +229,8 @@ const std::vector<bool>& Ledger::Hidden(int i, int slot, int k) {
     for (std::size_t s = 0; s < slots.size(); ++s) {
       const auto& in_view = c.measured.views[s];
       const auto v = std::size_t(in_view.view);
-      if (!c.screen[v].intersects(candidates_[std::size_t(k)].screen[v])) continue;
+      const auto *mine = c.In(in_view.view), *other = candidates_[std::size_t(k)].In(in_view.view);
+      if (!mine || !other || !mine->screen.intersects(other->screen)) continue;
       std::vector<Vector3d> points;
       for (const auto& sample : in_view.samples) points.push_back(sample.point_in_world);
       auto hidden = HiddenBy(scene_.views[v], candidates_[std::size_t(k)].body, points);
@@ -221,13 +292,10 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
     return MayBeOneLine(of_a->solid, of_a->measured.contours[i], of_b->solid, of_b->measured.contours[k],
                         scene_.mm_per_px);
   };
-  for (std::size_t v = 0; v < scene_.views.size(); ++v) {
-    const LineIndex& index = scene_.lines[v];
-    // All chords of an arc are one line.
-    auto line_of = [&](const MeasuredContours::Sample& m) {
-      const int arc = index.lines()[std::size_t(m.line)].arc;
-      return arc < 0 ? m.line : index.num_segments() + arc;
-    };
+  std::vector<const Candidate::InView*> places(set.size());  // in the view at hand
+  for (const int v : ViewsOf(set)) {
+    const LineIndex& index = scene_.lines[std::size_t(v)];
+    for (std::size_t n = 0; n < set.size(); ++n) places[n] = candidates_[std::size_t(set[n])].In(v);
     owners.clear();
     on_line.clear();
     visible.clear();
@@ -238,14 +306,14 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
     for (std::size_t n = 0; n < set.size(); ++n) {
       offset[n] = visible.size();
       const Candidate& c = candidates_[std::size_t(set[n])];
-      const int slot = c.slot_of_view[v];
+      const int slot = places[n] ? places[n]->slot : -1;
       if (slot < 0) continue;
       const auto& samples = c.measured.views[std::size_t(slot)].samples;
       visible.resize(visible.size() + samples.size(), 1);
       char* mine = visible.data() + offset[n];
-      for (const int k : set) {
-        if (k == set[n] || !c.screen[v].intersects(candidates_[std::size_t(k)].screen[v])) continue;
-        const auto& hidden = Hidden(set[n], slot, k);
+      for (std::size_t m = 0; m < set.size(); ++m) {
+        if (set[m] == set[n] || !places[m] || !places[n]->screen.intersects(places[m]->screen)) continue;
+        const auto& hidden = Hidden(set[n], slot, set[m]);
         for (std::size_t i = 0; i < hidden.size(); ++i)
           if (hidden[i]) mine[i] = 0;
       }
@@ -260,7 +328,7 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
     offset[set.size()] = visible.size();
     for (std::size_t n = 0; n < set.size(); ++n) {
       const Candidate& c = candidates_[std::size_t(set[n])];
-      const int slot = c.slot_of_view[v];
+      const int slot = places[n] ? places[n]->slot : -1;
       if (slot < 0) continue;
       const auto& in_view = c.measured.views[std::size_t(slot)];
       const char* mine = visible.data() + offset[n];
@@ -274,7 +342,7 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
         const auto& m = in_view.samples[i];
         if (!mine[i] || m.line < 0 || m.lost != 0 || taken(i)) continue;
         const std::size_t contour = first_contour[n] + std::size_t(m.contour);
-        auto& others = on_line[line_of(m)];
+        auto& others = on_line[index.WholeOf(m.line)];
         if (std::find(others.begin(), others.end(), contour) != others.end()) continue;
         for (std::size_t other : others)
           if (groups.Root(other) != groups.Root(contour) && one_line(other, contour))

@@ -2,8 +2,10 @@
 // the whole set explains. Each candidate is held against the pictures once; sets are then weighed without
 // looking again.
 #pragma once
+#include <cstdint>
 #include <map>
 #include <span>
+#include <unordered_map>
 #include <vector>
 
 #include "vss/identify/overlap.h"
@@ -34,16 +36,30 @@ class Ledger {
   std::vector<Share> Weigh(std::span<const int> set);
   Share Alone(int candidate) { return Weigh({&candidate, 1})[0]; }
 
+  // The candidates that `candidate` has to do with: one may hide the other, both lie on one line of a
+  // picture, or they come nearer to each other than `near_mm` or than seams and shadows reach. What a
+  // candidate explains depends on no others but through these. `near_mm` must stay the same.
+  const std::vector<int>& Linked(int candidate, double near_mm);
+
  private:
   struct Candidate {
     MeasuredContours measured;
     Occluders body;
     double prior = 0, painted = 0;
-    std::vector<int> slot_of_view;            // index into measured.views, -1: not seen
-    std::vector<Eigen::AlignedBox2d> screen;  // by view: what its solid covers
+    struct InView {
+      int view, slot;              // index into measured.views, -1: none of its contour is seen
+      Eigen::AlignedBox2d screen;  // what its solid covers
+    };
+    std::vector<InView> in_views;  // the views that may show it, ascending
     WorldSolid solid;
     Volume volume;
+
+    const InView* In(int view) const;
   };
+  std::vector<Candidate::InView> PlacesOf(const Candidate& c) const;
+  // The views in which some contour of the set is seen, ascending.
+  std::vector<int> ViewsOf(std::span<const int> set) const;
+  void Link(int candidate, double near_mm);
   // Samples of candidate i in its slot that candidate k hides; empty: none.
   const std::vector<bool>& Hidden(int i, int slot, int k);
 
@@ -55,6 +71,9 @@ class Ledger {
   std::vector<Candidate> candidates_;
   std::map<std::pair<int, int>, std::vector<std::vector<bool>>> hidden_;  // of (i, k): by slot
   std::map<std::pair<int, int>, std::vector<double>> seams_;              // of (i, k): by contour
+  std::vector<std::vector<int>> links_;                                   // of the candidates linked so far
+  std::vector<std::vector<int>> shown_in_;                      // by view: those of them that it may show
+  std::unordered_map<std::int64_t, std::vector<int>> on_line_;  // by view and line: those of them on it
 };
 
 }  // namespace vss

@@ -101,6 +101,23 @@ TEST(Ledger, WhatAnotherPartHidesDoesNotSpeakAgainstAPart) {
   EXPECT_LT(open, ledger.Weigh(std::vector<int>{0, 1})[0].log_odds - 3);
 }
 
+TEST(Ledger, WhatIsNotLinkedIsWeighedAsThoughItStoodAlone) {
+  constexpr double kNearMm = 50;
+  const Scene empty({});
+  const PlacedObject a = empty.Box(-700, -300, {300, 200, 40}), b = empty.Box(600, 300, {300, 200, 40}),
+                     beside_a = empty.Box(-700, -50, {300, 200, 80});
+  const Scene scene(std::vector<PlacedObject>{a, b, beside_a});
+  const SceneIndex index = MakeSceneIndex(scene.views, 1.5, 1);
+  Ledger ledger(index);
+  ledger.Add(std::vector<PlacedObject>{a, b, beside_a}, 1);
+  EXPECT_EQ(ledger.Linked(0, kNearMm), std::vector<int>{2});
+  EXPECT_TRUE(ledger.Linked(1, kNearMm).empty());
+  const auto all = ledger.Weigh(std::vector<int>{0, 1, 2}), pair = ledger.Weigh(std::vector<int>{0, 2});
+  EXPECT_EQ(all[1].log_odds, ledger.Alone(1).log_odds);
+  EXPECT_EQ(all[0].log_odds, pair[0].log_odds);
+  EXPECT_EQ(all[2].elevated_log_odds, pair[1].elevated_log_odds);
+}
+
 TEST(Ledger, TheOrderOfTheSetDoesNotMatter) {
   const Scene empty({});
   const PlacedObject a = empty.Box(-400, 0, {500, 300, 100}), b = empty.Box(350, 100, {600, 400, 200});

@@ -32,6 +32,11 @@ class LineIndex {
   // The segments, then short chords of the arcs.
   const std::vector<ViewLine>& lines() const { return lines_; }
   int num_segments() const { return num_segments_; }
+  // A number for the line of which lines()[line] is a piece: all chords of an arc are one.
+  int WholeOf(int line) const {
+    const int arc = lines_[std::size_t(line)].arc;
+    return arc < 0 ? line : num_segments_ + arc;
+  }
   // The nearest line at most `max_distance_px` away whose direction differs from `tangent` by at most the
   // angle whose cosine is `min_cosine`, and that extends (within `slack_px`) beside the point. line = -1:
   // none.

@@ -106,7 +106,8 @@ std::vector<MeasuredContours::Contour> DescribeContours(const WorldSolid& solid,
     contour.weight = WeightOf(solid, contour.source, contour.index);
     if (contour.source != ContourSample::Source::kLimb || solid.faces[std::size_t(contour.index)].is_cylinder)
       contour.detect = DetectOf(solid, contour.source, contour.index, lowest_z);
-    contour.elevated = TopOf(solid, contour.source, contour.index) > lowest_z + kElevatedPx * ClutterPixelMm(mm_per_px);
+    contour.elevated =
+        TopOf(solid, contour.source, contour.index) > lowest_z + kElevatedPx * ClutterPixelMm(mm_per_px);
   }
   return contours;
 }
@@ -131,7 +132,7 @@ class Measurer {
     const ContourSampling sampling{.spacing_px = options_.spacing_px,
                                    .min_samples = options_.min_samples,
                                    .max_samples = options_.max_samples,
-                                   .img = options_.grey || options_.rings};
+                                   .img = false};
     samples_ = SampleContour(solid_, View_(), sampling, others_);
     FindHits();
     in_view.crowded = NearestParallel(samples_, numbering_, kMinCosine);
@@ -196,8 +197,10 @@ class Measurer {
     const bool ask = options_.grey && m.line < 0;
     const bool round = (options_.grey || options_.rings) && s.source == ContourSample::Source::kCircle;
     if (!ask && !round) return;
-    const auto response = RespondToEdge(View_().picture, s.img, s.ideal_tangent,
-                                        std::min(kPiecePx, s.step_px), scene_.tolerance_px);
+    const auto img = View_().ProjectInside(s.point_in_world);
+    if (!img) return;
+    const auto response = RespondToEdge(View_().picture, *img, s.ideal_tangent, std::min(kPiecePx, s.step_px),
+                                        scene_.tolerance_px);
     if (!response) return;
     const double strength = std::abs(response->step) / scene_.typical_step[std::size_t(view_)];
     if (round) {

@@ -73,7 +73,10 @@ Volume MakeVolume(const WorldSolid& solid) {
   return volume;
 }
 
-double SharedVolume(const Volume& a, const Volume& b, double touch_mm) {
+namespace {
+
+// As SharedVolume(); where it exceeds `enough` some number that does too.
+double SharedVolumeUpTo(const Volume& a, const Volume& b, double touch_mm, double enough) {
   // Two bodies of one frame are one, though their walls be too thin to be met by sample points.
   constexpr double kOneFrame = 0.7;
   if (a.triangles.empty() || b.triangles.empty()) return 0;
@@ -98,6 +101,9 @@ double SharedVolume(const Volume& a, const Volume& b, double touch_mm) {
     for (int i = 1; i <= kPoints; ++i) points.emplace_back(halton(i, 2), halton(i, 3), halton(i, 5));
     return points;
   }();
+  const auto share_of = [&](int points) {
+    return common.volume() * points / double(kPoints) / std::max(1.0, std::min(a.mm3, b.mm3));
+  };
   int inside = 0;
   for (const Vector3d& share : shares) {
     const Vector3d p = common.min() + common.sizes().cwiseProduct(share);
@@ -109,10 +115,21 @@ double SharedVolume(const Volume& a, const Volume& b, double touch_mm) {
              v.Contains(p - Vector3d(touch_mm / 2, -touch_mm / 2, 0)) &&
              v.Contains(p + Vector3d(0, 0, touch_mm / 2)) && v.Contains(p - Vector3d(0, 0, touch_mm / 2));
     };
-    if (a.Contains(p) && b.Contains(p) && deep(a) && deep(b)) ++inside;
+    if (!a.Contains(p) || !b.Contains(p) || !deep(a) || !deep(b)) continue;
+    ++inside;
+    if (share_of(inside) > enough) break;
   }
-  const double shared = common.volume() * inside / double(kPoints);
-  return shared / std::max(1.0, std::min(a.mm3, b.mm3));
+  return share_of(inside);
+}
+
+}  // namespace
+
+double SharedVolume(const Volume& a, const Volume& b, double touch_mm) {
+  return SharedVolumeUpTo(a, b, touch_mm, INFINITY);
+}
+
+bool SharesMoreThan(const Volume& a, const Volume& b, double touch_mm, double share) {
+  return SharedVolumeUpTo(a, b, touch_mm, share) > share;
 }
 
 }  // namespace vss

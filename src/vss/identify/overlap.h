@@ -26,5 +26,7 @@ Volume MakeVolume(const WorldSolid& solid);
 // The share of the smaller solid's volume that both fill, 0 to 1, on a fixed grid of sample points. Solids
 // that sink into each other by less than `touch_mm` only touch: 0.
 double SharedVolume(const Volume& a, const Volume& b, double touch_mm);
+// Is that more than `share`? Asks no further than it must.
+bool SharesMoreThan(const Volume& a, const Volume& b, double touch_mm, double share);
 
 }  // namespace vss

@@ -77,7 +77,7 @@ WorldSolid PlaceSolid(const PlacedObject& object, bool derivatives) {
     w.by_state.col(3) = turn_yaw * rested;
     w.by_state.col(4) = turn_tilt_x * rested;
     w.by_state.col(5) = turn_tilt_y * rested;
-    Eigen::Matrix3Xd by_dimension = rest * v.by_dimension;
+    DimensionColumns by_dimension = rest * v.by_dimension;
     by_dimension.row(2) -= lowest.by_dimension;
     w.by_state.rightCols(n) = turn * by_dimension;
     return w;

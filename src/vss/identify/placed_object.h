@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "vss/geometry/rigid_transform.h"
+#include "vss/knowledge/dual.h"
 #include "vss/knowledge/object_model.h"
 #include "vss/knowledge/relations.h"
 
@@ -26,10 +27,14 @@ struct PlacedObject {
   void SetState(const Eigen::VectorXd& state);
 };
 
-// A point in `world` (mm) and its derivative by the state: 3 x StateSize.
+inline constexpr int kMaxStateSize = kPlacementSize + kMaxDimensions;
+// Derivatives by the state, 3 x StateSize; kept in place, for solids are made by the million.
+using StateColumns = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::ColMajor, 3, kMaxStateSize>;
+
+// A point in `world` (mm) and its derivative by the state.
 struct WorldPoint {
   Eigen::Vector3d point;
-  Eigen::Matrix3Xd by_state;
+  StateColumns by_state;
 };
 
 // The solid of a PlacedObject in `world`; indices of edges, circles and faces are those of `Solid`.

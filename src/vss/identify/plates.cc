@@ -15,6 +15,9 @@ namespace {
 
 using Eigen::Vector3d;
 
+// Halves are level with each other to within this, and reach so near to the wall between them.
+constexpr double kLevelPx = 2, kGapPx = 4;
+
 // May `above` stand on the plate `below`, which is another than what it stands on?
 bool MayMoveOn(int above, int below, const SceneData& data) {
   const SceneItem &part = data.items[above], &plate = data.items[below];
@@ -54,11 +57,32 @@ void ReseatOnPlates(SceneData& data) {
 }
 
 void PlateJoiner::JoinAll() {
+  // Halves() asks for no more of the gap between two than three times the width of the wall and a slack.
+  std::vector<int> walls;
+  double widest = 0;
+  for (int i = 0; i < data_.items.size(); ++i) {
+    if (data_.items[i].h.log_odds < data_.options.doubtful_log_odds) continue;
+    walls.push_back(i);
+    widest = std::max(widest, data_.items[i].volume.box.sizes().head<2>().norm());
+  }
   const int n = data_.items.size();
   for (int a = 0; a < n; ++a)
-    for (int b = a + 1; b < n; ++b)
-      for (int between = 0; between < n; ++between)
+    for (int b = a + 1; b < n; ++b) {
+      if (!MayBeHalves(a, b, 3 * widest)) continue;
+      for (const int between : walls)
         if (Halves(a, b, between)) Join(a, b, between);
+    }
+}
+
+// What Halves() asks of the two alone, and whether they are near enough to each other.
+bool PlateJoiner::MayBeHalves(int a, int b, double farthest_mm) const {
+  const SceneItem &one = data_.items[a], &other = data_.items[b];
+  if (one.kind != other.kind || one.support_item != other.support_item ||
+      one.h.object.resting_pose != other.h.object.resting_pose ||
+      std::abs(one.top_mm - other.top_mm) > kLevelPx * data_.mm_per_px)
+    return false;
+  const auto &box = one.volume.box, &room = other.volume.box;
+  return box.exteriorDistance(room) <= farthest_mm + 2 * kGapPx * data_.mm_per_px;
 }
 
 // Do a and b lie side by side at one height, with `between` standing where they meet?
@@ -68,7 +92,7 @@ bool PlateJoiner::Halves(int a, int b, int between) const {
   if (between == a || between == b || one.kind != other.kind || one.support_item != other.support_item ||
       one.h.object.resting_pose != other.h.object.resting_pose || wall.support_item != one.support_item ||
       !wall.h.object.model->MayStandOn(one.kind) || wall.h.log_odds < data_.options.doubtful_log_odds ||
-      std::abs(one.top_mm - other.top_mm) > 2 * data_.mm_per_px ||
+      std::abs(one.top_mm - other.top_mm) > kLevelPx * data_.mm_per_px ||
       wall.top_mm < one.top_mm + 4 * data_.mm_per_px)
     return false;
   // In the wall's frame: along it and across.
@@ -78,7 +102,7 @@ bool PlateJoiner::Halves(int a, int b, int between) const {
              ww = Extent(wall, w);
   const double common = std::min(ua.second, ub.second) - std::max(ua.first, ub.first);
   if (common < kAligned * std::max(ua.second - ua.first, ub.second - ub.first)) return false;
-  const double slack = 4 * data_.mm_per_px + (ww.second - ww.first);
+  const double slack = kGapPx * data_.mm_per_px + (ww.second - ww.first);
   auto meets = [&](const std::pair<double, double>& low, const std::pair<double, double>& high) {
     return low.second > ww.first - slack && low.second < ww.second + slack && high.first > ww.first - slack &&
            high.first < ww.second + slack && low.first < ww.first - slack && high.second > ww.second + slack;

@@ -22,6 +22,7 @@ class PlateJoiner {
   void JoinAll();
 
  private:
+  bool MayBeHalves(int a, int b, double farthest_mm) const;
   bool Halves(int a, int b, int between) const;
   void Join(int a, int b, int between);
   bool IsNew(int a, int b);

@@ -177,7 +177,7 @@ std::vector<WorldCircle> FindRings(const WorldSolid& solid, double yaw_rad, doub
   face.rows = int(extent.sizes().y() / face.step_mm) + 1;
   std::vector<WorldCircle> out;
   std::vector<Patch> patches;
-  for (int v : ViewsThatSee(solid, scene.views, int(kViews)))
+  for (int v : ViewsThatSee(solid, scene, int(kViews)))
     if (scene.views[std::size_t(v)].picture.data) patches.emplace_back(face, scene.views[std::size_t(v)]);
   for (std::size_t i = 0; i < patches.size(); ++i)
     for (const Ring& ring : RingsIn(patches[i], face)) {
@@ -225,11 +225,10 @@ std::optional<PlacedObject> Extended(const PlacedObject& object, const KindTempl
 }
 
 // The hypotheses that rings on item `i` make.
-std::vector<Hypothesis> WithRims(int i, std::span<const int> accepted, SceneData& data) {
+std::vector<Hypothesis> WithRims(int i, const Explained& known, std::span<const int> accepted,
+                                 const SceneData& data) {
   std::vector<Hypothesis> out;
   const SceneItem& item = data.items[i];
-  std::vector<int> rest(accepted.begin(), accepted.end());
-  std::erase(rest, i);
   std::optional<Explained> around;
   for (const KindTemplate& kind : data.templates) {
     std::vector<bool> fixed;
@@ -241,14 +240,14 @@ std::vector<Hypothesis> WithRims(int i, std::span<const int> accepted, SceneData
     for (const WorldCircle& ring : FindRings(solid, object->placement[3], z, data.index)) {
       const auto laid = LaidOnCircle(*object, fixed, {rim, ring.center, ring.radius_mm}, data.mm_per_px);
       if (!laid) continue;
-      if (!around) around = ExplainedBy(rest, data);
+      if (!around) around = ExplainedWithout(i, known, accepted, data);
       SeedContext context = data.Context();
       context.others = &around->others;
       context.claims = &around->claims;
       Hypothesis h = item.h;
       h.object = *laid;
       h.determined.assign(fixed.size(), true);
-      h.views = ViewsThatSee(PlaceSolid(h.object, false), data.views, context.max_views);
+      h.views = ViewsThatSee(PlaceSolid(h.object, false), data.index, context.max_views);
       RefineAndWeigh(h, context);
       if (PlaceSolid(h.object, false).circles[std::size_t(rim)].radius_mm < kLeastRadiusPx * data.mm_per_px)
         continue;
@@ -262,9 +261,11 @@ std::vector<Hypothesis> WithRims(int i, std::span<const int> accepted, SceneData
 }  // namespace
 
 void AddRims(std::span<const int> items, std::span<const int> accepted, SceneData& data) {
+  if (items.empty()) return;
   std::vector<std::vector<Hypothesis>> found(items.size());
+  const Explained known = ExplainedBy(accepted, data);
   ParallelFor(items.size(), data.threads, [&](std::size_t k) {
-    if (!data.progress.Cancelled()) found[k] = WithRims(items[k], accepted, data);
+    if (!data.progress.Cancelled()) found[k] = WithRims(items[k], known, accepted, data);
   });
   for (std::size_t k = 0; k < found.size(); ++k) {
     const int support = data.items[items[k]].support_item;

@@ -27,11 +27,12 @@ std::vector<std::vector<ContourMatch>> MatchLines(std::span<const View> views,
   std::vector<WorldSolid> solids;
   for (const auto& object : objects) solids.push_back(PlaceSolid(object, false));
   std::vector<std::vector<ContourMatch>> matches(objects.size());
+  Occluders all;
+  for (std::size_t i = 0; i < solids.size(); ++i) all.Add(solids[i], int(i));
+  all.Prepare(views);
   ParallelFor(objects.size(), threads, [&](std::size_t i) {
-    Occluders others;
-    for (std::size_t k = 0; k < solids.size(); ++k)
-      if (k != i) others.Add(solids[k], int(k));
-    matches[i] = Weigh(solids[i], ViewsThatSee(solids[i], views, int(views.size())), scene,
+    const Occluders others = all.Without(int(i));
+    matches[i] = Weigh(solids[i], ViewsThatSee(solids[i], scene, int(views.size())), scene,
                        {.keep_matches = true}, &others)
                      .matches;
   });

@@ -71,6 +71,8 @@ int SceneChoice::EdgesInside(const SceneItem& item) const {
   const double deep = kDeepPx * data_.mm_per_px;
   int count = 0;
   for (const auto& l : data_.index.world_lines) {
+    if (!item.volume.box.intersects(Eigen::AlignedBox3d(l.start.cwiseMin(l.end), l.start.cwiseMax(l.end))))
+      continue;
     if (l.num_stops < 2 || l.Length() < kSureLinePx * data_.mm_per_px) continue;
     int inside = 0;
     for (int k = 0; k < kSteps; ++k) {
@@ -105,8 +107,52 @@ double SceneChoice::Relations(int i, const std::vector<int>& items) const {
   return RelationLogOdds(relations, RelatedOf(item.h.object), others, kSlackPx * data_.mm_per_px);
 }
 
-// A part must bring more than its acceptance asks for; one that does not stand among the others costs that.
+// The items in groups that have nothing to do with each other, each in the order of `items`.
+std::vector<std::vector<int>> SceneChoice::Independent(const std::vector<int>& items) {
+  place_.resize(std::size_t(ledger_.size()), -1);
+  for (std::size_t n = 0; n < items.size(); ++n)
+    place_[std::size_t(data_.items[items[n]].candidate)] = int(n);
+  std::vector<int> group(items.size(), -1), open;
+  int num_groups = 0;
+  for (std::size_t first = 0; first < items.size(); ++first) {
+    if (group[first] >= 0) continue;
+    group[first] = num_groups;
+    open.assign(1, int(first));
+    while (!open.empty()) {
+      const int candidate = data_.items[items[std::size_t(open.back())]].candidate;
+      open.pop_back();
+      for (const int k : ledger_.Linked(candidate, kReachPx * data_.mm_per_px)) {
+        const int n = place_[std::size_t(k)];
+        if (n < 0 || group[std::size_t(n)] >= 0) continue;
+        group[std::size_t(n)] = num_groups;
+        open.push_back(n);
+      }
+    }
+    ++num_groups;
+  }
+  std::vector<std::vector<int>> groups(static_cast<std::size_t>(num_groups));
+  for (std::size_t n = 0; n < items.size(); ++n) {
+    groups[std::size_t(group[n])].push_back(items[n]);
+    place_[std::size_t(data_.items[items[n]].candidate)] = -1;
+  }
+  return groups;
+}
+
+// What the items explain: of each independent group once, whatever stands elsewhere.
 double SceneChoice::Total(const std::vector<int>& items) {
+  double total = 0;
+  for (const auto& group : Independent(items)) {
+    std::vector<int> candidates;
+    for (const int i : group) candidates.push_back(data_.items[i].candidate);
+    const auto [it, is_new] = totals_.try_emplace(std::move(candidates));
+    if (is_new) it->second = TotalOfGroup(group);
+    total += it->second;
+  }
+  return total;
+}
+
+// A part must bring more than its acceptance asks for; one that does not stand among the others costs that.
+double SceneChoice::TotalOfGroup(const std::vector<int>& items) {
   std::vector<int> candidates;
   for (int i : items) candidates.push_back(data_.items[i].candidate);
   double total = 0;
@@ -319,7 +365,7 @@ void SceneChoice::DropRefuted() {
 void SceneChoice::NoteRival(int accepted, int rival, double loss) {
   constexpr double kSamePart = 0.3, kOtherSizePx = 3;
   const SceneItem &mine = data_.items[accepted], &other = data_.items[rival];
-  if (SharedVolume(mine.volume, other.volume, kTouchMm) < kSamePart) return;
+  if (!SharesMoreThan(mine.volume, other.volume, kTouchMm, kSamePart)) return;
   if (mine.kind == other.kind) {
     // Of one kind, but of another size.
     const double apart = (mine.volume.box.sizes() - other.volume.box.sizes()).cwiseAbs().maxCoeff();

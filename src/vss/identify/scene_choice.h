@@ -56,6 +56,8 @@ class SceneChoice {
   bool Stands(const Ledger::Share& share, double relations) const;
   double Relations(int i, const std::vector<int>& items) const;
   double Total(const std::vector<int>& items);
+  double TotalOfGroup(const std::vector<int>& items);
+  std::vector<std::vector<int>> Independent(const std::vector<int>& items);
   bool ConflictsWithAny(const std::vector<int>& chain, const std::vector<int>& items);
   std::vector<int> MissingChain(int i, const std::vector<int>& items) const;
   void AddBestByTotal(std::vector<int> items, Choice& choice);
@@ -67,6 +69,8 @@ class SceneChoice {
 
   SceneData& data_;
   Ledger ledger_;
+  std::map<std::vector<int>, double> totals_;  // of groups seen before, by their candidates
+  std::vector<int> place_;                     // scratch of Independent()
   std::vector<int> accepted_;
   std::map<int, double> other_sizes_;  // of accepted items: what the least bad of another size would lose
   std::map<int, Rival> rivals_;        // of accepted items, of another kind

@@ -6,6 +6,7 @@
 namespace vss {
 namespace {
 
+using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 // Calibration errors grow with the picture: this many px, plus a share of its width.
@@ -29,6 +30,12 @@ bool Same(const WorldLine& a, const WorldLine& b, double mm_per_px) {
   return (a.start - (turned ? b.end : b.start)).norm() < 2 * near &&
          (a.end - (turned ? b.start : b.end)).norm() < 2 * near &&
          a.Unit().cross(b.start - a.start).norm() < near;
+}
+
+// In the plan; lines that are the Same() have their middles in each other's with a reach of a pixel's size.
+Eigen::AlignedBox2d AroundMiddle(const WorldLine& l, double reach_mm) {
+  const Vector2d middle = (l.start + l.end).head<2>() / 2;
+  return {middle.array() - reach_mm, middle.array() + reach_mm};
 }
 
 // Is it found in a fair share of the pictures that look at it? Two pictures agree on many a line of
@@ -74,11 +81,15 @@ SceneEdges FindSceneEdges(SceneIndex& index, const IdentifyOptions& options, int
   index.SetWorldLines(edges.lines);
   index.sigma_px = SigmaPx(edges.lines, index);
   // Edges whose lines are pulled this way and that, and that agree with more tolerance only.
-  const auto num_narrow = std::ptrdiff_t(edges.lines.size());
-  for (const auto& l : wide)
-    if (std::none_of(edges.lines.begin(), edges.lines.begin() + num_narrow,
-                     [&](const WorldLine& known) { return Same(known, l, index.mm_per_px); }))
+  BoxGrid middles(2 * index.mm_per_px);
+  for (const auto& l : edges.lines) middles.Add(AroundMiddle(l, 0));
+  std::vector<int> near;
+  for (const auto& l : wide) {
+    middles.Find(AroundMiddle(l, index.mm_per_px), near);
+    if (std::none_of(near.begin(), near.end(),
+                     [&](int k) { return Same(edges.lines[std::size_t(k)], l, index.mm_per_px); }))
       edges.lines.push_back(l);
+  }
   std::erase_if(edges.lines, [&](const WorldLine& l) { return MovesWithLamps(l, views); });
   for (const auto& l : edges.lines) edges.well_shown.push_back(WellShown(l, views));
   edges.circles = FindWorldCircles(views, line_options);

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "vss/identify/box_grid.h"
 #include "vss/identify/contour.h"
 #include "vss/identify/line_index.h"
 #include "vss/identify/world_line.h"
@@ -28,6 +29,11 @@ struct SceneIndex {
       density;  // per view and direction bin: chance that some line lies within 1 px of a point, per px
   std::vector<double>
       typical_step;  // per view: of the grey values where nothing is predicted (TypicalResponse)
+  // The views that may show some of what lies in the box (world, mm), ascending.
+  std::vector<int> ViewsNear(const Eigen::AlignedBox3d& box) const;
+  BoxGrid footprints;  // of each view: where it may show what lies between kLowestMm and kHighestMm
+  static constexpr double kLowestMm = -500, kHighestMm = 3000;
+
   double tolerance_px = 1.5;
   double sigma_px = 0.5;  // standard deviation of a line's distance from the contour that it shows
   double mm_per_px = 1;   // typical size of a pixel in the scene
@@ -37,6 +43,11 @@ struct SceneIndex {
   static constexpr int kShadow = -2;
   std::vector<std::vector<int>> world_of_line;
   std::vector<WorldLine> world_lines;
+  struct Axis {  // what Match() asks of a world line, close together in memory
+    Eigen::Vector3d start, unit;
+    Eigen::Matrix3d px2_per_mm2;
+  };
+  std::vector<Axis> axes;  // of `world_lines`
   void SetWorldLines(std::span<const WorldLine> lines);
   // The nearest line that may be the contour sample's image.
   LineHit Match(int view, const ContourSample& sample, double reach_px, double min_cosine) const;
@@ -44,6 +55,8 @@ struct SceneIndex {
   static constexpr int kDirectionBins = 18;
   double ChanceHit(int view, const Eigen::Vector2d& tangent) const;
 };
+// As of all the scene's views, see contour.h.
+std::vector<int> ViewsThatSee(const WorldSolid& solid, const SceneIndex& scene, int most);
 SceneIndex MakeSceneIndex(std::span<const View> views, double tolerance_px, int threads);
 // An edge that is seen from one place of the carriage only, though from others one looks at it too: the edge
 // of a shadow or a reflection, which moves with the carriage's lamps.

@@ -70,11 +70,12 @@ void SceneItems::Replace(SceneItem& old, SceneItem item) {
 
 bool SceneItems::Conflicts(int a, int b) {
   if (a > b) std::swap(a, b);
+  if (!(*this)[a].volume.box.intersects((*this)[b].volume.box)) return false;  // no need to remember
   const auto key = std::pair((*this)[a].serial, (*this)[b].serial);
   const auto it = conflicts_.find(key);
   if (it != conflicts_.end()) return it->second;
   const bool is =
-      SharedVolume((*this)[a].volume, (*this)[b].volume, kTouchMm) > kMaxSharedVolume || ShareRim(a, b);
+      SharesMoreThan((*this)[a].volume, (*this)[b].volume, kTouchMm, kMaxSharedVolume) || ShareRim(a, b);
   conflicts_[key] = is;
   return is;
 }

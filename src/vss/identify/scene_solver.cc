@@ -55,7 +55,7 @@ std::vector<Evidence> SceneSolver::WeighEach(std::span<const PlacedObject> objec
       if (k != i) others.Add(PlaceSolid(objects[k], false), int(k));
     const WorldSolid solid = PlaceSolid(objects[i], false);
     out[i] =
-        Weigh(solid, ViewsThatSee(solid, data_.views, int(data_.views.size())), data_.index,
+        Weigh(solid, ViewsThatSee(solid, data_.index, int(data_.views.size())), data_.index,
               {.grey = true, .prior_log_odds = PriorLogOdds(objects[i], data_.index.mm_per_px)}, &others);
   });
 
@@ -74,10 +74,9 @@ void SceneSolver::SlideAccepted() {
     if (const auto* rival = choice_.RivalOf(i)) candidates.push_back({rival->item, i});
   }
   std::vector<std::vector<Hypothesis>> slid(candidates.size());
+  const Explained known = ExplainedBy(accepted, data_);
   ParallelFor(candidates.size(), data_.threads, [&](std::size_t i) {
-    std::vector<int> rest = accepted;
-    std::erase(rest, candidates[i].accepted);
-    const Explained around = ExplainedBy(rest, data_);
+    const Explained around = ExplainedWithout(candidates[i].accepted, known, accepted, data_);
     SeedContext context = data_.Context();
     context.others = &around.others;
     context.claims = &around.claims;
@@ -126,7 +125,7 @@ SceneResult SceneSolver::Collect() {
     part.object = item.h.object;
     if (item.support_item >= 0)
       part.stands_on = int(std::find(accepted.begin(), accepted.end(), item.support_item) - accepted.begin());
-    part.views = ViewsThatSee(item.Solid(), data_.views, int(data_.views.size()));
+    part.views = ViewsThatSee(item.Solid(), data_.index, int(data_.views.size()));
     part.log_odds = verdicts[k].log_odds;
     if (const auto* rival = choice_.RivalOf(accepted[k]))
       part.runner_up = RunnerUp{data_.items[rival->item].kind, part.log_odds - rival->loss};
@@ -139,7 +138,7 @@ SceneResult SceneSolver::Collect() {
 }
 
 // Groups of edges of the world that no accepted part explains.
-std::vector<UnknownGroup> SceneSolver::Unexplained() const {
+std::vector<UnknownGroup> SceneSolver::Unexplained() {
   const Explained known = ExplainedBy(choice_.accepted(), data_);
   std::vector<WorldLine> lines;
   for (const auto& l : data_.edges.lines)

@@ -29,7 +29,7 @@ class SceneSolver {
   void SeekRims();
   bool SearchAfresh(int support, const std::vector<int>& known);
   SceneResult Collect();
-  std::vector<UnknownGroup> Unexplained() const;
+  std::vector<UnknownGroup> Unexplained();
 
   SceneData data_;
   std::set<int> sought_;  // serial numbers of the items on which rims were sought

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 
 #include "vss/identify/seed_fit.h"
@@ -33,6 +34,20 @@ bool MayPair(const WorldLine& a, const WorldLine& b) {
   return std::min(hi, a.Length()) - std::max(lo, 0.0) > 0.3 * std::min(hi - lo, a.Length());
 }
 
+constexpr double kPairCellMm = 1000;
+
+Eigen::AlignedBox2d PlanBox(const WorldLine& l) {
+  Eigen::AlignedBox2d box(Vector2d(l.start.head<2>()));
+  box.extend(Vector2d(l.end.head<2>()));
+  // Lines pair to within a skew: between the middles of two that lie beside each other they come apart by as
+  // much.
+  return {box.min().array() - kMaxSlantSkew * l.Length(), box.max().array() + kMaxSlantSkew * l.Length()};
+}
+
+Eigen::AlignedBox2d Grown(const Eigen::AlignedBox2d& box, double by) {
+  return {box.min().array() - by, box.max().array() + by};
+}
+
 class Seeder {
  public:
   Seeder(const KindTemplate& kind, const SeedContext& context, std::span<const LinePair> pairs,
@@ -41,7 +56,8 @@ class Seeder {
         context_(context),
         pairs_(pairs),
         support_z_(support_z),
-        usual_(UsualObject(*kind.model, kind.resting_pose)) {
+        usual_(UsualObject(*kind.model, kind.resting_pose)),
+        stored_(2 * context.mm_per_px) {
     usual_.placement[2] = support_z;
     usual_solid_ = PlaceSolid(usual_);
   }
@@ -237,7 +253,8 @@ class Seeder {
     constexpr int kSteps = 6;
     if ((q - p).norm() < kMinLengthPx * context_.mm_per_px) return std::nullopt;
     int inside = 0, found = 0;
-    for (std::size_t v = 0; v < context_.scene.views.size(); ++v) {
+    for (const int near : context_.scene.ViewsNear({p.cwiseMin(q), p.cwiseMax(q)})) {
+      const auto v = std::size_t(near);
       const View& view = context_.scene.views[v];
       if (view.SurelyMisses(p, q)) continue;
       for (int k = 0; k < kSteps; ++k) {
@@ -319,8 +336,13 @@ class Seeder {
     h.first_line = first_line_;
     h.second_line = second_line_;
     if (!Allowed(h.object)) return;
-    for (const auto& other : seeds_)
+    const Vector2d place = h.object.placement.head<2>(), reach = Vector2d::Constant(context_.mm_per_px);
+    stored_.Find({place - reach, place + reach}, near_);
+    for (const int i : near_) {
+      const auto& other = seeds_[std::size_t(i)];
       if (other.determined == h.determined && SamePlace(other.object, h.object, context_.mm_per_px)) return;
+    }
+    stored_.Add({place, place});
     seeds_.push_back(std::move(h));
   }
 
@@ -331,6 +353,8 @@ class Seeder {
   PlacedObject usual_;
   WorldSolid usual_solid_;
   std::vector<Hypothesis> seeds_;
+  BoxGrid stored_;                          // where each of them lies
+  std::vector<int> near_;                   // scratch
   int first_line_ = -1, second_line_ = -1;  // of the seed at hand
   struct Side {
     double at;                    // along the first line, mm
@@ -354,12 +378,18 @@ std::vector<LinePair> ParallelPairs(const SeedContext& context, double farthest_
   const int least = context.scene.views.size() > 1 ? 5 : 2;  // two pictures agree on many a line of texture
   // As MayFit() allows, and more than what that is rounded by.
   const double most_mm = farthest_mm + 2 * kSeedTolerancePx * context.mm_per_px + 1;
+  BoxGrid boxes(kPairCellMm);
+  for (const auto& l : lines) boxes.Add(PlanBox(l));
+  std::vector<int> all(lines.size()), near;
+  std::iota(all.begin(), all.end(), 0);
   std::vector<LinePair> pairs;
   for (std::size_t i = 0; i < lines.size(); ++i) {
     const bool level = lines[i].kind == WorldLine::Direction::kHorizontal && lines[i].start != lines[i].end;
     const Vector3d middle = (lines[i].start + lines[i].end) / 2;
     const Vector2d u = level ? Vector2d(lines[i].Unit().head<2>().normalized()) : Vector2d::Zero();
-    for (std::size_t k = 0; k < lines.size(); ++k) {
+    if (level) boxes.Find(Grown(PlanBox(lines[i]), most_mm), near);
+    for (const int other : level ? near : all) {
+      const auto k = std::size_t(other);
       if (i == k || lines[i].num_views + lines[k].num_views < least) continue;
       const Vector3d offset = (lines[k].start + lines[k].end) / 2 - middle;
       if (std::abs(u.x() * offset.y() - u.y() * offset.x()) > most_mm) continue;
@@ -376,7 +406,7 @@ std::vector<Hypothesis> Seeds(const KindTemplate& kind, const SeedContext& conte
 
 double RoughScore(const Hypothesis& seed, const SeedContext& context) {
   constexpr int kFewViews = 6;
-  const auto views = ViewsThatSee(PlaceSolid(seed.object, false), context.scene.views, kFewViews);
+  const auto views = ViewsThatSee(PlaceSolid(seed.object, false), context.scene, kFewViews);
   return RoughLogOdds(seed.object, views, context, context.claims);
 }
 

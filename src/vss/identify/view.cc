@@ -1,6 +1,7 @@
 #include "vss/identify/view.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace vss {
 namespace {
@@ -58,6 +59,21 @@ std::optional<Eigen::Vector2d> View::ProjectInside(const Eigen::Vector3d& point_
       img->y() > camera->height_px - 1)
     return std::nullopt;
   return img;
+}
+
+bool View::MayShowBall(const Eigen::Vector3d& center_of_ball, double radius_mm) const {
+  constexpr double kBeside = 0.25;  // of the frame
+  const Eigen::Vector3d c = cam_from_world * center_of_ball;
+  if (c.z() <= -radius_mm) return false;
+  // Outside of one of the four planes through the camera's centre and a side of the frame?
+  const Eigen::Vector2d margin = kBeside * maybe_inside.sizes();
+  const Eigen::Vector2d lo = camera->intrinsics.NormalizedFromIdeal(maybe_inside.min() - margin),
+                        hi = camera->intrinsics.NormalizedFromIdeal(maybe_inside.max() + margin);
+  for (int axis = 0; axis < 2; ++axis) {
+    if ((lo[axis] * c.z() - c[axis]) / std::hypot(1, lo[axis]) > radius_mm) return false;
+    if ((c[axis] - hi[axis] * c.z()) / std::hypot(1, hi[axis]) > radius_mm) return false;
+  }
+  return true;
 }
 
 Eigen::Vector3d View::RayOfIdeal(const Eigen::Vector2d& ideal) const {

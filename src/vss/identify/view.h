@@ -48,6 +48,8 @@ struct View {
     return (hi < maybe_inside.min().array() - kMarginPx).any() ||
            (lo > maybe_inside.max().array() + kMarginPx).any();
   }
+  // Whether it may show some of a ball (world, mm), or of what lies a little beside its frame.
+  bool MayShowBall(const Eigen::Vector3d& center_of_ball, double radius_mm) const;
   // Unit direction in the world of an `ideal` px.
   Eigen::Vector3d RayOfIdeal(const Eigen::Vector2d& ideal) const;
 };

@@ -5,6 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <set>
+
+#include "vss/identify/box_grid.h"
 
 namespace vss {
 namespace {
@@ -82,22 +85,33 @@ struct Group {
   std::vector<std::size_t> members;
 };
 
-// The largest group around circle `i`.
-Group BestGroup(std::span<const FlatCircle> flat, std::size_t i, std::size_t num_views,
+// Where a circle's centre may lie, at any height that is asked for, with all that it may be off by: circles
+// that Agree() meet there.
+Eigen::AlignedBox2d ReachOf(const FlatCircle& c, const WorldLineOptions& options) {
+  const double low = options.min_height_mm, high = std::min(options.max_height_mm, c.eye.z());
+  const double slack = options.tolerance_px * c.mm_per_px_per_mm * std::max(0.0, c.eye.z() - low);
+  Eigen::AlignedBox2d box(c.CenterAt(low));
+  box.extend(c.CenterAt(high));
+  return {box.min().array() - slack, box.max().array() + slack};
+}
+
+// The largest group around circle `i`; `near`: those that it may agree with, ascending.
+Group BestGroup(std::span<const FlatCircle> flat, std::size_t i, std::span<const int> near,
                 const WorldLineOptions& options) {
   Group best;
-  for (std::size_t j = 0; j < flat.size(); ++j) {
+  for (const int other : near) {
+    const auto j = std::size_t(other);
     if (flat[i].ref.view == flat[j].ref.view) continue;
     const auto z = HeightOf(flat[i], flat[j]);
     if (!z || *z < options.min_height_mm || *z > options.max_height_mm ||
         !Agree(flat[i], flat[j], *z, options.tolerance_px))
       continue;
     Group g{*z, {i}};
-    std::vector<bool> seen(num_views);
-    seen[std::size_t(flat[i].ref.view)] = true;
-    for (std::size_t k = 0; k < flat.size(); ++k) {
-      if (seen[std::size_t(flat[k].ref.view)] || !Agree(flat[i], flat[k], *z, options.tolerance_px)) continue;
-      seen[std::size_t(flat[k].ref.view)] = true;
+    std::set<int> seen{flat[i].ref.view};
+    for (const int third : near) {
+      const auto k = std::size_t(third);
+      if (seen.contains(flat[k].ref.view) || !Agree(flat[i], flat[k], *z, options.tolerance_px)) continue;
+      seen.insert(flat[k].ref.view);
       g.members.push_back(k);
     }
     if (g.members.size() > best.members.size()) best = std::move(g);
@@ -112,9 +126,14 @@ std::vector<WorldCircle> FindWorldCircles(std::span<const View> views, const Wor
   for (std::size_t v = 0; v < views.size(); ++v)
     for (std::size_t k = 0; k < views[v].lines->arcs.size(); ++k)
       if (const auto c = Flatten(views[v], int(v), int(k), options.tolerance_px)) flat.push_back(*c);
+  constexpr double kCellMm = 500;
+  BoxGrid reaches(kCellMm);
+  for (const auto& c : flat) reaches.Add(ReachOf(c, options));
   std::vector<Group> groups;
+  std::vector<int> near;
   for (std::size_t i = 0; i < flat.size(); ++i) {
-    Group best = BestGroup(flat, i, views.size(), options);
+    reaches.Find(ReachOf(flat[i], options), near);
+    Group best = BestGroup(flat, i, near, options);
     if (best.members.size() >= 2) groups.push_back(std::move(best));
   }
   std::stable_sort(groups.begin(), groups.end(),

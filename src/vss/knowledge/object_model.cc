@@ -54,6 +54,7 @@ class ParametricObject : public ObjectModel {
       const double off = std::max(d.min_mm - dimensions_mm[i], dimensions_mm[i] - d.max_mm);
       if (!(off <= kTolerance_mm)) list.push_back(off);
     }
+    if (KeepsAllConstraints(definition_, dimensions_mm)) return list;
     for (const ConstraintGap& gap : ConstraintGaps(definition_, dimensions_mm))
       if (!(gap.distance_mm <= kTolerance_mm)) list.push_back(gap.distance_mm);
     return list;

@@ -14,13 +14,18 @@
 #include <vector>
 
 #include "vss/base/result.h"
+#include "vss/knowledge/dual.h"
 
 namespace vss {
 
-// A vertex (or centre) in `part` (mm), and its derivative by the dimensions: 3 x num_dimensions.
+// Derivatives by the dimensions of an object, 3 x num_dimensions; kept in place, for solids are made by the
+// million.
+using DimensionColumns = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::ColMajor, 3, kMaxDimensions>;
+
+// A vertex (or centre) in `part` (mm), and its derivative by the dimensions.
 struct SolidPoint {
   Eigen::Vector3d point_in_part;
-  Eigen::Matrix3Xd by_dimension;
+  DimensionColumns by_dimension;
 };
 
 // A plane face, or a piece of a cylinder. `triangles` (vertices in `part`, counter-clockwise seen from

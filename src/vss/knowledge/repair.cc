@@ -34,6 +34,7 @@ void Repair(const Definition& definition, const std::vector<bool>& fixed, std::v
   std::vector<double> values = Evaluate(definition.program, x);
   for (int round = 0; round < kMaxRounds; ++round) {
     bool all_kept = true;
+    const std::vector<double> before = x;
     for (std::size_t c = 0; c < definition.constraints.size(); ++c) {
       // Derivatives are dear, and most constraints are kept.
       const double off = values[std::size_t(definition.constraints[c].left)] -
@@ -59,7 +60,7 @@ void Repair(const Definition& definition, const std::vector<bool>& fixed, std::v
         x[i] = Clamp(x[i] - length * step[i], definition.dimensions[i]);
       values = Evaluate(definition.program, x);
     }
-    if (all_kept) return;
+    if (all_kept || x == before) return;  // what moved nothing moves nothing again
   }
 }
 
@@ -126,6 +127,14 @@ std::vector<ConstraintGap> ConstraintGaps(const Definition& definition,
   for (std::size_t c = 0; c < definition.constraints.size(); ++c)
     gaps.push_back(GapOf(definition.constraints[c], static_cast<int>(c), values));
   return gaps;
+}
+
+bool KeepsAllConstraints(const Definition& definition, std::span<const double> dimensions_mm) {
+  const std::vector<double> values = Evaluate(definition.program, dimensions_mm);
+  return std::all_of(definition.constraints.begin(), definition.constraints.end(), [&](const Constraint& c) {
+    const double off = values[std::size_t(c.left)] - values[std::size_t(c.right)];
+    return off <= 0 && (!c.equal || off >= 0);
+  });
 }
 
 std::vector<double> UsualDimensions(const Definition& definition,

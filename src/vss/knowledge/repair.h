@@ -17,6 +17,9 @@ struct ConstraintGap {
 std::vector<ConstraintGap> ConstraintGaps(const Definition& definition,
                                           std::span<const double> dimensions_mm);
 
+// Whether no gap is above 0; faster.
+bool KeepsAllConstraints(const Definition& definition, std::span<const double> dimensions_mm);
+
 // Known values as they are, usual ones for the rest, shifted where a constraint asks for it. Where the known
 // values leave no way to keep them all, the nearest.
 std::vector<double> UsualDimensions(const Definition& definition,
