@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <span>
 
 #include "vss/base/parallel.h"
 #include "vss/identify/complete.h"
@@ -34,17 +35,39 @@ bool MayMoveOn(int above, int below, const SceneData& data) {
          !(box.max().head<2>().array() > room.max().head<2>().array() + slack).any();
 }
 
+// What parts may stand on, the likeliest first.
+std::vector<int> PlatesBestFirst(const SceneData& data) {
+  std::vector<int> plates;
+  for (int i = 0; i < data.items.size(); ++i)
+    if (data.items[i].h.log_odds >= data.options.doubtful_log_odds && data.items.BestOfItsPlace(i))
+      plates.push_back(i);
+  std::stable_sort(plates.begin(), plates.end(),
+                   [&](int a, int b) { return data.items[a].h.log_odds > data.items[b].h.log_odds; });
+  return plates;
+}
+
+// Those that the item may move on; of each level the best few: a large plate is read in dozens of sizes.
+std::vector<int> LikeliestUnder(int item, std::span<const int> best_first, const SceneData& data) {
+  constexpr int kMostOfALevel = 4;
+  std::vector<int> out;
+  for (int plate : best_first) {
+    if (!MayMoveOn(item, plate, data)) continue;
+    const auto level = std::count_if(out.begin(), out.end(), [&](int other) {
+      return std::abs(data.items[other].top_mm - data.items[plate].top_mm) < kLevelPx * data.mm_per_px;
+    });
+    if (level < kMostOfALevel) out.push_back(plate);
+  }
+  return out;
+}
+
 }  // namespace
 
 void ReseatOnPlates(SceneData& data) {
-  const int n = data.items.size();
   std::vector<std::pair<int, int>> pairs;  // what, on what
-  for (int plate = 0; plate < n; ++plate) {
-    if (data.items[plate].h.log_odds < data.options.doubtful_log_odds || !data.items.BestOfItsPlace(plate))
-      continue;
-    for (int i = 0; i < n; ++i)
-      if (MayMoveOn(i, plate, data) && data.items.TryOn(i, plate)) pairs.push_back({i, plate});
-  }
+  const std::vector<int> plates = PlatesBestFirst(data);
+  for (int i = 0; i < data.items.size(); ++i)
+    for (int plate : LikeliestUnder(i, plates, data))
+      if (data.items.TryOn(i, plate)) pairs.push_back({i, plate});
   std::vector<std::optional<Hypothesis>> seated(pairs.size());
   const SeedContext context = data.Context();
   ParallelFor(pairs.size(), data.threads, [&](std::size_t k) {
