@@ -24,7 +24,7 @@ constexpr double kFlush = 20;
 constexpr double kSlackPx = 1.5, kReachPx = 40;
 // Of a part that is there some contours are missed, and more where more of it shows. Of 308 drawn and
 // rendered parts found rightly two missed a tenth of what was shown (log-odds) and kIncomplete; none
-// kRefuted, or half of its length. Of 81 that were taken for a kind that they are not of: 40, and 37.
+// kRefuted, or half of its length. Of 81 that were taken for a kind that they are not of: 40, and 33.
 constexpr double kRefuted = 30, kIncomplete = 15, kMissedOfShown = 0.1, kMissedLength = 0.5;
 // Rivals share so much room at least.
 constexpr double kTouchMm = 6;
