@@ -16,7 +16,6 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr std::size_t kMostViews = 12;  // as many as the search looks at
 constexpr double kMostRmsPx = 3;        // a reading that leaves more does not explain the lines
 constexpr double kClearlyBetter = 10;   // log-odds that differ by less do not decide
 constexpr double kSameBodyMm = 8;
@@ -33,7 +32,7 @@ std::vector<int> PicturesOfPicks(const FitQuestion& q, const std::vector<View>& 
       order.emplace_back(picked ? 0 : (views[i].center_in_world - place).norm(), int(i));
   }
   std::stable_sort(order.begin(), order.end());
-  if (order.size() > kMostViews) order.resize(kMostViews);
+  if (order.size() > SceneData::kSearchViews) order.resize(SceneData::kSearchViews);
   std::vector<int> out;
   for (const auto& o : order) out.push_back(o.second);
   std::sort(out.begin(), out.end());
@@ -46,21 +45,6 @@ int SegmentOf(const Pick& pick, const LineImage& lines) {
     return s.ideal_start == pick.ideal_start && s.ideal_end == pick.ideal_end;
   });
   return pick.is_circle || at == lines.segments.end() ? -1 : int(at - lines.segments.begin());
-}
-
-bool SameBody(const PlacedObject& a, const PlacedObject& b) {
-  const auto points = [](const PlacedObject& object) {
-    const WorldSolid s = PlaceSolid(object, false);
-    std::vector<Vector3d> out;
-    for (const auto& v : s.vertices) out.push_back(v.point);
-    for (const auto& c : s.circles) out.push_back(c.center.point);
-    return out;
-  };
-  const auto of_b = points(b);
-  for (const auto& p : points(a))
-    if (std::none_of(of_b.begin(), of_b.end(), [&](const auto& o) { return (o - p).norm() < kSameBodyMm; }))
-      return false;
-  return true;
 }
 
 double RmsOf(const PickResiduals& rows) {
@@ -166,7 +150,7 @@ std::vector<Reading> ReadingsIn(const std::vector<int>& images, const FitQuestio
 Proposal BestOf(std::vector<Reading> sorted) {
   Proposal out;
   for (auto& r : sorted) {
-    if (out.readings.empty() || !SameBody(out.readings[0].object, r.object))
+    if (out.readings.empty() || !SamePlace(out.readings[0].object, r.object, kSameBodyMm))
       out.readings.push_back(std::move(r));
     if (out.readings.size() == 2) break;
   }

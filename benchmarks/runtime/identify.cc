@@ -71,5 +71,9 @@ int main(int argc, char** argv) {
     else
       surveys.emplace_back(s);
   }
+  if (surveys.empty()) {
+    fmt::print(stderr, "usage: runtime_identify SURVEY_FOLDER... [--threads N] [--rounds N] [--exact]\n");
+    return 2;
+  }
   for (const auto& survey : surveys) Measure(survey, threads, rounds, exact);
 }

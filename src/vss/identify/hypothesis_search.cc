@@ -30,14 +30,10 @@ using CompletionOfTemplate = std::pair<std::size_t, Completion>;
 
 // A line over the top face of an item (within a few pixels), not below it.
 bool Above(const WorldLine& l, const SceneItem& item, double mm_per_px) {
-  const double slack = 3 * mm_per_px;
-  for (const Vector3d& p : {l.start, l.end, Vector3d((l.start + l.end) / 2)}) {
-    if (p.z() < item.top_mm - slack || p.x() < item.volume.box.min().x() - slack ||
-        p.x() > item.volume.box.max().x() + slack || p.y() < item.volume.box.min().y() - slack ||
-        p.y() > item.volume.box.max().y() + slack)
-      return false;
-  }
-  return true;
+  const double slack = kOverhangPx * mm_per_px;
+  const auto room = Footprint(item.volume.box, slack);
+  return room.contains(l.start.head<2>()) && room.contains(l.end.head<2>()) &&
+         std::min(l.start.z(), l.end.z()) >= item.top_mm - slack;
 }
 
 // In one picture a top alone may be a small one that is near or a large one that is far: what stands below

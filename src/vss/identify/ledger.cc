@@ -97,7 +97,7 @@ double LengthOf(const WorldSolid& solid, const MeasuredContours::Contour& contou
 // One line of the world, or may be: edges of two parts that one picture shows one behind the other are two.
 bool MayBeOneLine(const WorldSolid& a, const MeasuredContours::Contour& of_a, const WorldSolid& b,
                   const MeasuredContours::Contour& of_b, double mm_per_px) {
-  constexpr double kAsidePx = 3;
+  constexpr double kAsidePx = 3;  // what the places of two edges may be off together
   if (of_a.source != ContourSample::Source::kEdge || of_b.source != ContourSample::Source::kEdge) return true;
   const SolidEdge &ea = a.edges[std::size_t(of_a.index)], &eb = b.edges[std::size_t(of_b.index)];
   const Vector3d& start = a.vertices[std::size_t(ea.start)].point;

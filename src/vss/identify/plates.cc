@@ -29,10 +29,7 @@ bool MayMoveOn(int above, int below, const SceneData& data) {
   if (part.support_item != SceneItems::kGround &&
       !SameFrame(data.items[part.support_item].volume.box, plate.volume.box))
     return false;
-  const double slack = 3 * data.mm_per_px;
-  const auto &box = part.volume.box, &room = plate.volume.box;
-  return !(box.min().head<2>().array() < room.min().head<2>().array() - slack).any() &&
-         !(box.max().head<2>().array() > room.max().head<2>().array() + slack).any();
+  return Footprint(plate.volume.box, kOverhangPx * data.mm_per_px).contains(Footprint(part.volume.box));
 }
 
 // What parts may stand on, the likeliest first.
@@ -48,7 +45,7 @@ std::vector<int> PlatesBestFirst(const SceneData& data) {
 
 // Those that the item may move on; of each level the best few: a large plate is read in dozens of sizes.
 std::vector<int> LikeliestUnder(int item, std::span<const int> best_first, const SceneData& data) {
-  constexpr int kMostOfALevel = 4;
+  constexpr int kMostOfALevel = 4;  // readings of one plate that come first are those of its true height
   std::vector<int> out;
   for (int plate : best_first) {
     if (!MayMoveOn(item, plate, data)) continue;

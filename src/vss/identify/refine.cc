@@ -21,21 +21,6 @@ std::vector<bool> FreeOfUpright(const PlacedObject& object) {
   return free;
 }
 
-// Do all corners and rims lie where the other's do, to within `near_mm`?
-bool Coincide(const PlacedObject& a, const PlacedObject& b, double near_mm) {
-  const double turned = std::abs(a.placement[3] - b.placement[3]);
-  if ((a.placement.head<2>() - b.placement.head<2>()).norm() > near_mm || turned > 0.01) return false;
-  const WorldSolid sa = PlaceSolid(a, false), sb = PlaceSolid(b, false);
-  for (std::size_t i = 0; i < sa.vertices.size(); ++i)
-    if ((sa.vertices[i].point - sb.vertices[i].point).squaredNorm() > near_mm * near_mm) return false;
-  for (std::size_t i = 0; i < sa.circles.size(); ++i)
-    if ((sa.circles[i].center.point - sb.circles[i].center.point).norm() +
-            std::abs(sa.circles[i].radius_mm - sb.circles[i].radius_mm) >
-        near_mm)
-      return false;
-  return true;
-}
-
 // A tall part may lean by a degree or so, which moves its top against its foot further than lines are looked
 // for.
 void RefineLean(Hypothesis& h, const SeedContext& context) {
@@ -171,7 +156,7 @@ void RefineAndWeigh(Hypothesis& h, const SeedContext& context) {
     if (moved_mm > kFarPx * context.mm_per_px || !Allowed(fitted)) continue;
     // Fits from near and far mostly end in one place.
     if (std::any_of(weighed.begin(), weighed.end(),
-                    [&](const PlacedObject& o) { return Coincide(o, fitted, kStillPx * context.mm_per_px); }))
+                    [&](const PlacedObject& o) { return SamePlace(o, fitted, kStillPx * context.mm_per_px); }))
       continue;
     weighed.push_back(fitted);
     const double after = FullLogOdds(fitted, h.views, context);

@@ -347,7 +347,7 @@ bool SceneChoice::StandsOnRefuted(int i) const {
 }
 
 void SceneChoice::DropRefuted() {
-  constexpr int kMostTimes = 8;
+  constexpr int kMostTimes = 8;  // it ends by itself, for what is dropped stays out; this bounds the time
   for (int times = 0; times < kMostTimes && !data_.progress.Cancelled(); ++times) {
     const std::vector<Verdict> verdicts = Verdicts(accepted_);
     bool dropped = false;

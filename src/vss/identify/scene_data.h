@@ -13,6 +13,8 @@
 namespace vss {
 
 struct SceneData {
+  static constexpr int kSearchViews = 12;  // the search looks at some pictures, the decision at many
+
   // All but the knowledge base's templates must outlive it.
   SceneData(std::span<const View> views, const KnowledgeBase& knowledge, const IdentifyOptions& options,
             int threads, const Progress& progress)
@@ -25,7 +27,6 @@ struct SceneData {
 
   bool IsSinglePicture() const { return views.size() == 1; }
   SeedContext Context() const {
-    constexpr int kSearchViews = 12;  // the search looks at some pictures, the decision at many
     return {index, edges.lines, edges.circles, mm_per_px, kSearchViews};
   }
 

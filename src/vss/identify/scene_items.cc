@@ -27,6 +27,10 @@ bool SameFrame(const Eigen::AlignedBox3d& a, const Eigen::AlignedBox3d& b) {
   return !common.isEmpty() && common.volume() > kSameFrame * a.merged(b).volume();
 }
 
+Eigen::AlignedBox2d Footprint(const Eigen::AlignedBox3d& box, double overhang_mm) {
+  return {box.min().head<2>().array() - overhang_mm, box.max().head<2>().array() + overhang_mm};
+}
+
 std::pair<double, double> Extent(const SceneItem& item, const Vector3d& direction) {
   std::pair<double, double> e{INFINITY, -INFINITY};
   for (const auto& t : item.volume.triangles)

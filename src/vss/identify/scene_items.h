@@ -34,6 +34,10 @@ struct SceneItem {
 
 // Do two boxes fill nearly the same frame?
 bool SameFrame(const Eigen::AlignedBox3d& a, const Eigen::AlignedBox3d& b);
+// What stands on an item ends over it, to within what its edges and the item's may be off together.
+constexpr double kOverhangPx = 3;
+// Of a box, in plan.
+Eigen::AlignedBox2d Footprint(const Eigen::AlignedBox3d& box, double overhang_mm = 0);
 // From where to where the item reaches along a direction, mm.
 std::pair<double, double> Extent(const SceneItem& item, const Eigen::Vector3d& direction);
 

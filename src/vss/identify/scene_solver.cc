@@ -91,15 +91,10 @@ void SceneSolver::SlideAccepted() {
 // What was found over a plate before the plate was known may be wrong in kind, and claims the lines of what is
 // right: each plate is searched once as if nothing stood there. False: it was, or nothing does.
 bool SceneSolver::SearchAfresh(int support, const std::vector<int>& known) {
-  const SceneItem& plate = data_.items[support];
-  const double slack = 3 * data_.mm_per_px;
-  Eigen::AlignedBox3d room = plate.volume.box;
-  room.min().array() -= slack;
-  room.max().array() += slack;
-  room.max().z() += data_.options.max_height_mm;
+  const auto room = Footprint(data_.items[support].volume.box, kOverhangPx * data_.mm_per_px);
   std::vector<int> beside;
   for (int i : known)
-    if (i == support || !room.contains(data_.items[i].volume.box)) beside.push_back(i);
+    if (i == support || !room.contains(Footprint(data_.items[i].volume.box))) beside.push_back(i);
   if (beside.size() == known.size() || !searched_.insert(support).second) return false;
   AddHypotheses(support, ExplainedBy(beside, data_), data_);
   return true;
