@@ -5,7 +5,7 @@
 //   accuracy_identify SURVEY_FOLDER... [--threads N] [--edges ID]... [--set NAME=VALUE]...
 //
 // --edges: the evidence of every contour of the true part ID, "all": of every one, "false": of every invented
-// one.
+// one, "given": of every one that was found, as it was found.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -149,7 +149,12 @@ void Run(const fs::path& folder, const Arguments& args, Tally& tally) {
     const auto& part = scene.parts[k];
     ++tally.given;
     tally.right += truth_of[k] >= 0;
-    if (truth_of[k] >= 0) continue;
+    if (truth_of[k] >= 0) {
+      if (!args.edges.contains("given")) continue;
+      fmt::print("  GIVEN       {:<60} {:7.1f}\n", Described(part.object), part.log_odds);
+      PrintEdges(part.object, given_evidence[k]);
+      continue;
+    }
     tally.confirmed_wrong += !part.doubtful;
     fmt::print("  FALSE       {:<60} on {:<7} {:7.1f}{}", Described(part.object),
                part.stands_on < 0 ? "ground" : fmt::format("#{}", part.stands_on), part.log_odds,

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "vss/base/parallel.h"
+#include "vss/identify/open_ends.h"
 
 namespace vss {
 namespace {
@@ -372,6 +373,7 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
     out[n].elevated_log_odds = kElevatedPrior * c.prior - c.painted;
   }
   std::vector<double> sums(first_contour.back());
+  std::vector<EdgeShown> shown(first_contour.back());  // of edges
   std::vector<bool> shows(first_contour.back());
   for (const Vote& vote : votes) {
     if (vote.said.open_px <= 0) continue;
@@ -379,6 +381,10 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
     const double all_px = open_px[(std::int64_t(root) << 20) + vote.view];
     const double pieces = IndependentPieces(all_px) * vote.said.open_px / all_px;
     shows[vote.contour] = true;
+    EdgeShown& edge = shown[vote.contour];
+    ++edge.num_views;
+    edge.open_px += vote.said.open_px;
+    edge.supported_px += vote.said.supported_px;
     sums[vote.contour] +=
         (vote.said.ends + pieces * vote.said.per_piece) / std::sqrt(double(num_views[root]));
   }
@@ -390,6 +396,7 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
       for (std::size_t c = 0; c < seams.size(); ++c) {
         double& sum = sums[first_contour[n] + c];
         if (sum > 0) sum *= 1 - seams[c];
+        if (seams[c] > 0) shown[first_contour[n] + c] = {};
       }
     }
     double all_mm = 0, missed_mm = 0;
@@ -404,6 +411,11 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
       if (log_odds < kClearlyAgainst) missed_mm += length;
     }
     out[n].missed_share = all_mm > 0 ? missed_mm / all_mm : 0;
+    std::vector<EdgeShown> edges(candidates_[std::size_t(set[n])].solid.edges.size());
+    for (std::size_t k = 0; k < contours.size(); ++k)
+      if (contours[k].source == ContourSample::Source::kEdge)
+        edges[std::size_t(contours[k].index)] = shown[first_contour[n] + k];
+    out[n].open = LacksBothEnds(candidates_[std::size_t(set[n])].solid, edges);
     const double open_ledges = OpenLedges(candidates_[std::size_t(set[n])].measured,
                                           std::span(sums).subspan(first_contour[n], contours.size()));
     out[n].log_odds += open_ledges;

@@ -334,7 +334,7 @@ std::vector<SceneChoice::Verdict> SceneChoice::Verdicts(const std::vector<int>& 
     const bool incomplete = share.missed >= std::max(kIncomplete, kMissedOfShown * share.shown);
     const bool mostly = share.missed >= kRefuted || share.missed_share >= kMissedLength;
     out.push_back({share.log_odds + Relations(items[n], items) - kOpaque * data_.items[items[n]].inside,
-                   incomplete, incomplete && mostly});
+                   incomplete, (incomplete && mostly) || share.open});
   }
   return out;
 }

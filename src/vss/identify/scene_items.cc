@@ -126,10 +126,11 @@ bool SceneItems::AreFlush(const SceneItem& a, const SceneItem& b) const {
 
 // A plate that stands out under a part by no more than shadows do, all around or on three sides, cannot be
 // told from them: the foot of a plate and the shadows beside it are one, its top and its foot are not two.
+// However fine the pictures: a ledge narrower than the leg of a fillet weld is not left around a plate.
 bool SceneItems::OfOneOutline(const SceneItem& above, const SceneItem& below) const {
-  constexpr double kShadowPx = 5;
+  constexpr double kShadowPx = 5, kWeldLegMm = 12;
   constexpr int kSides = 3;
-  const double yaw = above.h.object.placement[3], near = kShadowPx * mm_per_px_;
+  const double yaw = above.h.object.placement[3], near = std::max(kShadowPx * mm_per_px_, kWeldLegMm);
   int flush = 0;
   bool all_around = true;
   for (const Vector3d& axis :
