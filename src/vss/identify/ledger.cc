@@ -415,7 +415,7 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
     for (std::size_t k = 0; k < contours.size(); ++k)
       if (contours[k].source == ContourSample::Source::kEdge)
         edges[std::size_t(contours[k].index)] = shown[first_contour[n] + k];
-    out[n].open = LacksBothEnds(candidates_[std::size_t(set[n])].solid, edges);
+    out[n].missing_ends = MissingEnds(candidates_[std::size_t(set[n])].solid, edges);
     const double open_ledges = OpenLedges(candidates_[std::size_t(set[n])].measured,
                                           std::span(sums).subspan(first_contour[n], contours.size()));
     out[n].log_odds += open_ledges;

@@ -28,7 +28,7 @@ class Ledger {
     // What the contours that speak for it add up to, and those against it (log-odds, neither below 0).
     double shown = 0, missed = 0;
     double missed_share = 0;  // of the length (in the world) of the contours that show, those clearly missed
-    bool open = false;        // see LacksBothEnds()
+    int missing_ends = 0;     // see MissingEnds()
   };
   // Of every candidate of `set`, in its order: samples that another of the set hides do not count; a line
   // that contours of several lie on speaks for the nearest; one contour that several continue counts as one.

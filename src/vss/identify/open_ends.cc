@@ -63,11 +63,11 @@ std::vector<OppositeEnds> FindOppositeEnds(const WorldSolid& solid, std::span<co
   return out;
 }
 
-bool LacksBothEnds(const WorldSolid& solid, std::span<const EdgeShown> by_edge) {
-  const auto pairs = FindOppositeEnds(solid, by_edge);
-  return std::any_of(pairs.begin(), pairs.end(), [](const OppositeEnds& p) {
-    return p.sides.Share() > kFound && IsMissing(p.ends[0]) && IsMissing(p.ends[1]);
-  });
+int MissingEnds(const WorldSolid& solid, std::span<const EdgeShown> by_edge) {
+  int most = 0;
+  for (const auto& p : FindOppositeEnds(solid, by_edge))
+    if (p.sides.Share() > kFound) most = std::max(most, IsMissing(p.ends[0]) + IsMissing(p.ends[1]));
+  return most;
 }
 
 }  // namespace vss

@@ -21,8 +21,8 @@ struct OppositeEnds {
 };
 std::vector<OppositeEnds> FindOppositeEnds(const WorldSolid& solid, std::span<const EdgeShown> by_edge);
 
-// Are there sides of which lines are found while both their ends, large enough to be found in several
-// pictures, are not? `by_edge`: of the solid's edges.
-bool LacksBothEnds(const WorldSolid& solid, std::span<const EdgeShown> by_edge);
+// How many of two opposite ends, large enough to be found in several pictures, are not found though lines are
+// on the sides between them: of those two that lack most, 0 to 2. `by_edge`: of the solid's edges.
+int MissingEnds(const WorldSolid& solid, std::span<const EdgeShown> by_edge);
 
 }  // namespace vss

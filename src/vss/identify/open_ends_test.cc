@@ -31,28 +31,28 @@ class OpenEnds : public testing::Test {
   std::vector<EdgeShown> shown_;
 };
 
-TEST_F(OpenEnds, ABarWithoutEitherEndIsOpen) {
-  EXPECT_FALSE(LacksBothEnds(solid_, shown_));
+TEST_F(OpenEnds, ABarWithoutEitherEndLacksBoth) {
+  EXPECT_EQ(MissingEnds(solid_, shown_), 0);
   Ends({12, 40, 1}, {12, 40, 0});
-  EXPECT_TRUE(LacksBothEnds(solid_, shown_));
+  EXPECT_EQ(MissingEnds(solid_, shown_), 2);
 }
 
 TEST_F(OpenEnds, OneEndMayBeMissedOrHidden) {
   Ends({12, 40, 2}, {12, 40, 24});
-  EXPECT_FALSE(LacksBothEnds(solid_, shown_));
+  EXPECT_EQ(MissingEnds(solid_, shown_), 1);
   Ends({12, 40, 2}, {0, 0, 0});
-  EXPECT_FALSE(LacksBothEnds(solid_, shown_));
+  EXPECT_EQ(MissingEnds(solid_, shown_), 1);
 }
 
 TEST_F(OpenEnds, EndsOfAFewPixelsAreNotFoundAsLines) {
   Ends({12, 20, 0}, {12, 20, 0});
-  EXPECT_FALSE(LacksBothEnds(solid_, shown_));
+  EXPECT_EQ(MissingEnds(solid_, shown_), 0);
 }
 
 TEST_F(OpenEnds, WhereTheSidesAreNotFoundTheirEndsSayNothing) {
   for (auto& s : shown_) s.supported_px = 100;
   Ends({12, 40, 0}, {12, 40, 0});
-  EXPECT_FALSE(LacksBothEnds(solid_, shown_));
+  EXPECT_EQ(MissingEnds(solid_, shown_), 0);
 }
 
 }  // namespace

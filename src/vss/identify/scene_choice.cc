@@ -27,7 +27,7 @@ constexpr double kSlackPx = 1.5, kReachPx = 40;
 // kRefuted, or half of its length. Of 81 that were taken for a kind that they are not of: 40, and 33.
 constexpr double kRefuted = 30, kIncomplete = 15, kMissedOfShown = 0.1, kMissedLength = 0.5;
 // Rivals share so much room at least.
-constexpr double kTouchMm = 6;
+constexpr double kTouchMm = 6, kSamePart = 0.3;
 
 }  // namespace
 
@@ -333,8 +333,9 @@ std::vector<SceneChoice::Verdict> SceneChoice::Verdicts(const std::vector<int>& 
     const Ledger::Share& share = shares[n];
     const bool incomplete = share.missed >= std::max(kIncomplete, kMissedOfShown * share.shown);
     const bool mostly = share.missed >= kRefuted || share.missed_share >= kMissedLength;
+    const bool endless = share.missing_ends == 2 || (share.missing_ends == 1 && data_.items[items[n]].endless);
     out.push_back({share.log_odds + Relations(items[n], items) - kOpaque * data_.items[items[n]].inside,
-                   incomplete, (incomplete && mostly) || share.open});
+                   incomplete, (incomplete && mostly) || endless, endless});
   }
   return out;
 }
@@ -346,6 +347,14 @@ bool SceneChoice::StandsOnRefuted(int i) const {
   return false;
 }
 
+// A length of a cable may be cut off anywhere: of other readings of the same one end may seem to be there.
+void SceneChoice::MarkEndless(int item) {
+  for (auto& other : data_.items)
+    other.endless = other.endless ||
+                    (other.volume.box.intersects(data_.items[item].volume.box) &&
+                     SharesMoreThan(other.volume, data_.items[item].volume, kTouchMm, kSamePart));
+}
+
 void SceneChoice::DropRefuted() {
   constexpr int kMostTimes = 8;  // it ends by itself, for what is dropped stays out; this bounds the time
   for (int times = 0; times < kMostTimes && !data_.progress.Cancelled(); ++times) {
@@ -354,6 +363,7 @@ void SceneChoice::DropRefuted() {
     for (std::size_t n = 0; n < accepted_.size(); ++n) {
       if (!verdicts[n].refuted) continue;
       data_.items[accepted_[n]].refuted = true;
+      if (verdicts[n].endless) MarkEndless(accepted_[n]);
       dropped = true;
     }
     if (!dropped) return;
@@ -363,7 +373,7 @@ void SceneChoice::DropRefuted() {
 
 // What would be lost if item `rival` took the place of `accepted`.
 void SceneChoice::NoteRival(int accepted, int rival, double loss) {
-  constexpr double kSamePart = 0.3, kOtherSizePx = 3;
+  constexpr double kOtherSizePx = 3;
   const SceneItem &mine = data_.items[accepted], &other = data_.items[rival];
   if (!SharesMoreThan(mine.volume, other.volume, kTouchMm, kSamePart)) return;
   if (mine.kind == other.kind) {

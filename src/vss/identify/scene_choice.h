@@ -38,6 +38,7 @@ class SceneChoice {
     double log_odds = 0;
     bool incomplete = false;  // more of it is missed than is usual
     bool refuted = false;     // than of any part that was there
+    bool endless = false;     // neither end is found
   };
   std::vector<Verdict> Verdicts(const std::vector<int>& items);
   // Is there something that explains nearly as much in the place of the accepted item?
@@ -53,6 +54,7 @@ class SceneChoice {
   void Value(SceneItem& item);
   int EdgesInside(const SceneItem& item) const;
   bool StandsOnRefuted(int i) const;
+  void MarkEndless(int item);
   bool Stands(const Ledger::Share& share, double relations) const;
   double Relations(int i, const std::vector<int>& items) const;
   double Total(const std::vector<int>& items);

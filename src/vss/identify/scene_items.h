@@ -27,6 +27,7 @@ struct SceneItem {
   double alone = NAN;    // log-odds before the choice; 0: it stands nowhere
   int inside = 0;        // edges of the world that run inside it, see SceneChoice
   bool refuted = false;  // see SceneChoice::DropRefuted()
+  bool endless = false;  // it lies where something without ends does
   std::optional<std::vector<LineRef>> claimed;  // lines on its visible contour, once somebody asked
 
   WorldSolid Solid() const { return PlaceSolid(h.object, false); }
