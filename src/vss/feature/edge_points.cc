@@ -95,6 +95,74 @@ template <class Value>
   }
 }
 
+// Three rows of gradient, the middle one being that of the points.
+template <class Value>
+struct GradientRows {
+  const Value *gx[3], *gy[3];
+};
+
+// Points that are worked on at once.
+constexpr int kLot = 16;
+
+struct PointLot {
+  float x[kLot], y[kLot], length[kLot];                                           // of the gradient
+  float before_x[kLot], before_y[kLot], after_x[kLot], after_y[kLot], row[kLot];  // its neighbours
+};
+
+// The gradients at `n` places of the middle row, and before and after each along the axis nearer to it; what
+// is left of the lot is filled with anything. `row`: 1 where that axis is v.
+template <class Value>
+[[gnu::always_inline]] inline void TakeLot(const GradientRows<Value>& r, const std::uint32_t* at, int n,
+                                           PointLot& lot) {
+  for (int i = 0; i < kLot; ++i) {
+    const std::size_t u = at[i < n ? i : 0];
+    const float x = static_cast<float>(r.gx[1][u]), y = static_cast<float>(r.gy[1][u]);
+    const bool upright = std::abs(x) < std::abs(y);
+    const Value *before_x = upright ? r.gx[0] + u : r.gx[1] + u - 1,
+                *before_y = upright ? r.gy[0] + u : r.gy[1] + u - 1,
+                *after_x = upright ? r.gx[2] + u : r.gx[1] + u + 1,
+                *after_y = upright ? r.gy[2] + u : r.gy[1] + u + 1;
+    lot.x[i] = x, lot.y[i] = y, lot.length[i] = std::sqrt(x * x + y * y);
+    lot.before_x[i] = static_cast<float>(*before_x), lot.before_y[i] = static_cast<float>(*before_y);
+    lot.after_x[i] = static_cast<float>(*after_x), lot.after_y[i] = static_cast<float>(*after_y);
+    lot.row[i] = upright ? 1.0f : 0.0f;
+  }
+}
+
+// Edge points at the `n` places `at` of a row v: along the axis that is nearer to the gradient, the maximum
+// of the parabola through the three gradients along the direction at the point (in -0.5 to 0.5 px).
+template <class Value>
+[[gnu::always_inline]] inline void MeasurePoints(const GradientRows<Value>& r, const std::uint32_t* at, int n,
+                                                 std::uint32_t v, EdgePoint* out) {
+  PointLot lot;
+  for (int first = 0; first < n; first += kLot) {
+    const int taken = std::min(kLot, n - first);
+    TakeLot(r, at + first, taken, lot);
+    float nu[kLot], nv[kLot], offset[kLot], ratio[kLot];
+    for (int i = 0; i < kLot; ++i) {
+      const float x = lot.x[i] / lot.length[i], y = lot.y[i] / lot.length[i], here = lot.length[i];
+      const float before = lot.before_x[i] * x + lot.before_y[i] * y,
+                  after = lot.after_x[i] * x + lot.after_y[i] * y, bend = before - 2 * here + after;
+      const float most = 0.5f * (before - after) / bend, low = most < -0.5f ? -0.5f : most,
+                  high = low > 0.5f ? 0.5f : low, product = before * after / (here * here);
+      nu[i] = x, nv[i] = y;
+      offset[i] = bend < 0 ? high : 0.0f;
+      ratio[i] = (before > 0) & (after > 0) ? product : 0.0f;
+    }
+    for (int i = 0; i < taken; ++i) {
+      const std::uint32_t u = at[first + i];
+      out[first + i] = {static_cast<float>(u) + (1.0f - lot.row[i]) * offset[i],
+                        static_cast<float>(v) + lot.row[i] * offset[i],
+                        nu[i],
+                        nv[i],
+                        lot.length[i],
+                        ratio[i],
+                        u,
+                        v};
+    }
+  }
+}
+
 template <class Pixel, class Value>
 struct RowFunctions {
   void (*mask)(const Pixel*, const Pixel*, const Pixel*, int, Value*, Value*);
@@ -102,6 +170,7 @@ struct RowFunctions {
   void (*across)(const Value*, const Value*, int, Value*, Value*, Value*);
   void (*flag)(const Value*, const Value*, const Value*, const Value*, const Value*, const Value*, int,
                std::uint8_t*);
+  void (*points)(const GradientRows<Value>&, const std::uint32_t*, int, std::uint32_t, EdgePoint*);
 };
 
 #define VSS_ROW_FUNCTIONS(NAME, ATTRIBUTE)                                                                  \
@@ -120,7 +189,11 @@ struct RowFunctions {
                                const Value* y, const Value* t, int w, std::uint8_t* f) {                    \
       FlagMaxima<Value>(a, b, c, x, y, t, w, f);                                                            \
     }                                                                                                       \
-    static RowFunctions<Pixel, Value> Get() { return {Mask, Down, Across, Flag}; }                          \
+    ATTRIBUTE static void Points(const GradientRows<Value>& r, const std::uint32_t* at, int n,              \
+                                 std::uint32_t v, EdgePoint* out) {                                         \
+      MeasurePoints<Value>(r, at, n, v, out);                                                               \
+    }                                                                                                       \
+    static RowFunctions<Pixel, Value> Get() { return {Mask, Down, Across, Flag, Points}; }                  \
   }
 VSS_ROW_FUNCTIONS(Portable, );
 #if defined(__x86_64__)
@@ -280,52 +353,14 @@ void FillThreshold(const NoiseMap& noise, int v, double noise_sigmas, int width,
   }
 }
 
-struct Profile {
-  float before, at, after;  // gradient along the direction at the point
-};
-
-// Offset of the maximum (px, in -0.5 to 0.5) by the parabola through the three
-// values.
-float ParabolaOffset(const Profile& p) {
-  const float bend = p.before - 2 * p.at + p.after;
-  if (!(bend < 0)) return 0;
-  return std::clamp(0.5f * (p.before - p.after) / bend, -0.5f, 0.5f);
-}
-
-float ProfileRatio(const Profile& p) {
-  return p.before > 0 && p.after > 0 ? p.before * p.after / (p.at * p.at) : 0.0f;
-}
-
-template <class Value>
-EdgePoint PointAt(const Rows<Value>& r, const int (&ring)[3], int u, int v, float length) {
-  const Value *gx = r.gx[ring[1]], *gy = r.gy[ring[1]];
-  const float x = static_cast<float>(gx[u]) / length, y = static_cast<float>(gy[u]) / length;
-  const bool horizontal = std::abs(x) >= std::abs(y);
-  auto along = [&](Value gx_there, Value gy_there) {
-    return static_cast<float>(gx_there) * x + static_cast<float>(gy_there) * y;
-  };
-  const Profile p = horizontal ? Profile{along(gx[u - 1], gy[u - 1]), length, along(gx[u + 1], gy[u + 1])}
-                               : Profile{along(r.gx[ring[0]][u], r.gy[ring[0]][u]), length,
-                                         along(r.gx[ring[2]][u], r.gy[ring[2]][u])};
-  const float offset = ParabolaOffset(p);
-  return {static_cast<float>(u) + (horizontal ? offset : 0),
-          static_cast<float>(v) + (horizontal ? 0 : offset),
-          x,
-          y,
-          length,
-          ProfileRatio(p),
-          static_cast<std::uint32_t>(u),
-          static_cast<std::uint32_t>(v)};
-}
-
-// The places of a row's flags, in order.
-std::size_t ListFlags(const std::uint8_t* flags, int width, std::uint32_t* out) {
+// The places of a row's flags, in order, counted from `first` on.
+std::size_t ListFlags(const std::uint8_t* flags, int width, int first, std::uint32_t* out) {
   std::size_t n = 0;
   for (int u0 = 0; u0 < width; u0 += 8) {
     std::uint64_t eight;
     std::memcpy(&eight, flags + u0, 8);
     for (; eight != 0; eight &= eight - 1)
-      out[n++] = static_cast<std::uint32_t>(u0 + std::countr_zero(eight) / 8);
+      out[n++] = static_cast<std::uint32_t>(first + u0 + std::countr_zero(eight) / 8);
   }
   return n;
 }
@@ -348,12 +383,13 @@ void FindPoints(const GreyView& image, const NoiseMap& noise, double noise_sigma
     constexpr int k = kBorderPx;
     filter.flag(r.magnitude[ring[0]] + k, r.magnitude[ring[1]] + k, r.magnitude[ring[2]] + k,
                 r.gx[ring[1]] + k, r.gy[ring[1]] + k, r.threshold + k, w - 2 * k, b.flags.data());
-    const std::size_t n = ListFlags(b.flags.data(), w - 2 * k, b.flagged.data());
-    for (std::size_t i = 0; i < n; ++i) {
-      const int u = k + static_cast<int>(b.flagged[i]);
-      const float x = r.gx[ring[1]][u], y = r.gy[ring[1]][u];
-      points.push_back(PointAt(r, ring, u, v, std::sqrt(x * x + y * y)));
-    }
+    const std::size_t n = ListFlags(b.flags.data(), w - 2 * k, k, b.flagged.data()), before = points.size();
+    if (n == 0) continue;
+    points.resize(before + n);
+    GradientRows<Value> rows;
+    for (int i = 0; i < 3; ++i) rows.gx[i] = r.gx[ring[i]], rows.gy[i] = r.gy[ring[i]];
+    filter.points(rows, b.flagged.data(), static_cast<int>(n), static_cast<std::uint32_t>(v),
+                  &points[before]);
   }
 }
 
