@@ -231,7 +231,7 @@ Result<Json> ProposedContours(Workspace& w, const Json& body) {
                  w.threads()));
   Json readings = Json::array();
   for (const auto& r : proposal.readings)
-    readings.push_back({{"contours", r.contours}, {"rms_px", r.rms_px}});
+    readings.push_back({{"contours", r.contours}, {"rms_px", r.rms_px}, {"log_odds", r.log_odds}});
   const double ms =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
   return Json{{"readings", readings}, {"decided", proposal.decided}, {"ms", ms}};

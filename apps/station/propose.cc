@@ -9,6 +9,7 @@
 #include "pick_residuals.h"
 #include "vss/base/parallel.h"
 #include "vss/identify/hypothesis_search.h"
+#include "vss/identify/scene_choice.h"
 
 namespace vss::station {
 namespace {
@@ -16,10 +17,12 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr std::size_t kMostViews = 12;  // as many as the search looks at
-constexpr double kMostRmsPx = 3;        // a reading that leaves more does not explain the lines
-constexpr double kClearlyBetter = 10;   // log-odds that differ by less do not decide
+constexpr double kMostRmsPx = 3;  // a reading that leaves more does not explain the lines
 constexpr double kSameBodyMm = 8;
+// Contours so near to a pick are both where it lies; a reading that leaves so much more than another explains
+// the picks as well.
+constexpr double kOnItPx = 1.5, kAsWellPx = 0.5;
+constexpr std::size_t kMostVaried = 3;  // readings that are looked at with such picks as the other contour
 
 // The pictures that show where the picks are: those with picks, then the nearest.
 std::vector<int> PicturesOfPicks(const FitQuestion& q, const std::vector<View>& views) {
@@ -33,14 +36,14 @@ std::vector<int> PicturesOfPicks(const FitQuestion& q, const std::vector<View>& 
       order.emplace_back(picked ? 0 : (views[i].center_in_world - place).norm(), int(i));
   }
   std::stable_sort(order.begin(), order.end());
-  if (order.size() > kMostViews) order.resize(kMostViews);
+  if (order.size() > std::size_t(kSearchViews)) order.resize(std::size_t(kSearchViews));
   std::vector<int> out;
   for (const auto& o : order) out.push_back(o.second);
   std::sort(out.begin(), out.end());
   return out;
 }
 
-// Which of the picture's lines the pick is: segments first, then arcs' chords are not asked; -1: none.
+// Which of the picture's straight lines the pick is; -1: it is a curve, or none of them.
 int SegmentOf(const Pick& pick, const LineImage& lines) {
   const auto at = std::find_if(lines.segments.begin(), lines.segments.end(), [&](const LineSegment& s) {
     return s.ideal_start == pick.ideal_start && s.ideal_end == pick.ideal_end;
@@ -48,20 +51,7 @@ int SegmentOf(const Pick& pick, const LineImage& lines) {
   return pick.is_circle || at == lines.segments.end() ? -1 : int(at - lines.segments.begin());
 }
 
-bool SameBody(const PlacedObject& a, const PlacedObject& b) {
-  const auto points = [](const PlacedObject& object) {
-    const WorldSolid s = PlaceSolid(object, false);
-    std::vector<Vector3d> out;
-    for (const auto& v : s.vertices) out.push_back(v.point);
-    for (const auto& c : s.circles) out.push_back(c.center.point);
-    return out;
-  };
-  const auto of_b = points(b);
-  for (const auto& p : points(a))
-    if (std::none_of(of_b.begin(), of_b.end(), [&](const auto& o) { return (o - p).norm() < kSameBodyMm; }))
-      return false;
-  return true;
-}
+bool SameBody(const Reading& a, const Reading& b) { return SamePlace(a.object, b.object, kSameBodyMm); }
 
 double RmsOf(const PickResiduals& rows) {
   double sum = 0;
@@ -131,7 +121,48 @@ std::optional<Reading> ReadAs(const Hypothesis& h, const FitQuestion& question,
   return r;
 }
 
-// What the pictures show around the picks, and the readings that it allows.
+// The reading with one pick as another contour that lies where the pick does too, fitted anew, for each of
+// those that explain the picks as well.
+std::vector<Reading> Variations(const Reading& r, const FitQuestion& question,
+                                const std::vector<View>& views) {
+  std::vector<Reading> out;
+  const WorldSolid solid = PlaceSolid(r.object, false);
+  for (std::size_t i = 0; i < r.contours.size(); ++i) {
+    const Pick& pick = question.picks[i];
+    const auto contours = VisibleContoursOf(solid, views[std::size_t(pick.image)], nullptr);
+    for (const auto& near : ContoursNear(pick, contours, kOnItPx)) {
+      if (near.contour == r.contours[i]) continue;
+      Reading other = r;
+      other.contours[i] = near.contour;
+      FitQuestion q = question;
+      for (std::size_t k = 0; k < q.picks.size(); ++k) q.picks[k].contour = other.contours[k];
+      RefinePicks(q, views, other.object);
+      other.rms_px = RmsOf(ResidualsOf(q, other.object, views));
+      if (other.rms_px < r.rms_px + kAsWellPx && InRange(other.object, kSameBodyMm) && !SameBody(other, r))
+        out.push_back(std::move(other));
+    }
+  }
+  return out;
+}
+
+std::vector<Reading> Sorted(std::vector<Reading> readings) {
+  std::stable_sort(readings.begin(), readings.end(),
+                   [](const Reading& a, const Reading& b) { return a.log_odds > b.log_odds; });
+  return readings;
+}
+
+// Each is another body.
+std::vector<Reading> Distinct(const std::vector<Reading>& sorted, std::size_t most) {
+  std::vector<Reading> out;
+  for (const auto& r : sorted) {
+    if (out.size() == most) break;
+    if (std::none_of(out.begin(), out.end(), [&](const Reading& o) { return SameBody(o, r); }))
+      out.push_back(r);
+  }
+  return out;
+}
+
+// What the pictures show around the picks, and the readings that it allows, best first.
 std::vector<Reading> ReadingsIn(const std::vector<int>& images, const FitQuestion& q,
                                 const std::vector<View>& views, const std::vector<LineImage>& lines,
                                 int threads) {
@@ -157,21 +188,26 @@ std::vector<Reading> ReadingsIn(const std::vector<int>& images, const FitQuestio
   std::vector<Reading> out;
   for (auto& r : read)
     if (r) out.push_back(std::move(*r));
-  std::stable_sort(out.begin(), out.end(),
-                   [](const Reading& a, const Reading& b) { return a.log_odds > b.log_odds; });
-  return out;
+  out = Sorted(std::move(out));
+  for (const auto& r : Distinct(out, kMostVaried))
+    for (auto& other : Variations(r, q, views)) out.push_back(std::move(other));
+  return Sorted(std::move(out));
+}
+
+// Do the picks, read so, say where the object stands?
+bool Placed(const Reading& r, FitQuestion question, const std::vector<View>& views) {
+  for (std::size_t i = 0; i < r.contours.size(); ++i) question.picks[i].contour = r.contours[i];
+  const auto fit = FitPicks(question, views);
+  return fit && fit->placed;
 }
 
 // The best, and the best that is another body.
-Proposal BestOf(std::vector<Reading> sorted) {
+Proposal BestOf(const std::vector<Reading>& sorted, const FitQuestion& question,
+                const std::vector<View>& views) {
   Proposal out;
-  for (auto& r : sorted) {
-    if (out.readings.empty() || !SameBody(out.readings[0].object, r.object))
-      out.readings.push_back(std::move(r));
-    if (out.readings.size() == 2) break;
-  }
-  out.decided =
-      out.readings.size() == 1 || out.readings[0].log_odds - out.readings[1].log_odds >= kClearlyBetter;
+  out.readings = Distinct(sorted, 2);
+  const auto& r = out.readings;
+  out.decided = (r.size() == 1 || r[0].log_odds - r[1].log_odds >= kBarely) && Placed(r[0], question, views);
   return out;
 }
 
@@ -197,7 +233,7 @@ Result<Proposal> ProposeContours(
     return UsageError(
         "no way to see a {} explains these {} lines; is it that kind, lying so, and are all lines its own?",
         q.model->kind(), q.picks.size());
-  return BestOf(std::move(readings));
+  return BestOf(readings, q, views);
 }
 
 }  // namespace vss::station

@@ -109,6 +109,37 @@ TEST_F(Propose, SaysTheSameEachTime) {
   EXPECT_EQ(first->readings[0].object.State(), second->readings[0].object.State());
 }
 
+TEST_F(Propose, IsSureWhereManyLinesOfABlockAgree) {
+  Draw("box", {900, 400, 250});
+  PickShuffled(12, 2);
+  const auto proposal = Proposed();
+  ASSERT_TRUE(proposal) << proposal.error().message;
+  EXPECT_TRUE(proposal->decided);
+}
+
+TEST_F(Propose, IsNotSureWhereTheLinesDoNotSayWhereItStands) {
+  Draw("box", {900, 400, 250});
+  PickShuffled(1, 1);
+  const auto proposal = Proposed();
+  ASSERT_TRUE(proposal) << proposal.error().message;
+  EXPECT_FALSE(proposal->decided);
+}
+
+TEST_F(Propose, IsNotSureWhereLinesLieOnTwoContoursAtOnce) {
+  Draw("box", {900, 400, 3});  // from above its upper and its lower edges are one line each
+  PickShuffled(100, 1);
+  std::erase_if(question.picks, [this](const Pick& p) {
+    const auto& s = scene.lines[0].segments[std::size_t(p.line)];
+    return (s.ideal_end - s.ideal_start).norm() < 20;
+  });
+  question.picks.resize(std::min<std::size_t>(question.picks.size(), 5));
+  const auto proposal = Proposed();
+  ASSERT_TRUE(proposal) << proposal.error().message;
+  EXPECT_FALSE(proposal->decided);
+  ASSERT_EQ(proposal->readings.size(), 2u);
+  EXPECT_NE(proposal->readings[0].contours, proposal->readings[1].contours);
+}
+
 TEST_F(Propose, RefusesLinesThatAreNoneOfTheObject) {
   Draw("box", {900, 400, 250});
   EXPECT_FALSE(Proposed()) << "no line";

@@ -271,7 +271,7 @@ std::vector<Completion> Distinct(std::vector<Completion> completions, double mm_
   std::vector<Completion> out;
   for (auto& c : completions)
     if (std::none_of(out.begin(), out.end(), [&](const Completion& o) {
-          return o.known == c.known && SamePlace(o.h.object, c.h.object, mm_per_px);
+          return o.known == c.known && SamePlace(o.h.object, c.h.object, mm_per_px / 2);
         }))
       out.push_back(std::move(c));
   return out;

@@ -24,18 +24,17 @@ bool Allowed(const PlacedObject& o) {
   return true;
 }
 
-bool SamePlace(const PlacedObject& a, const PlacedObject& b, double mm_per_px) {
-  const double near = 0.5 * mm_per_px;
-  if ((a.placement.head<2>() - b.placement.head<2>()).norm() > near) return false;
+bool SamePlace(const PlacedObject& a, const PlacedObject& b, double near_mm) {
+  if ((a.placement.head<2>() - b.placement.head<2>()).norm() > near_mm) return false;
   const WorldSolid sa = PlaceSolid(a, false), sb = PlaceSolid(b, false);
   for (const auto& v : sa.vertices) {
     bool found = false;
-    for (const auto& w : sb.vertices) found |= (v.point - w.point).squaredNorm() < near * near;
+    for (const auto& w : sb.vertices) found |= (v.point - w.point).squaredNorm() < near_mm * near_mm;
     if (!found) return false;
   }
   for (std::size_t i = 0; i < sa.circles.size(); ++i)
-    if (std::abs(sa.circles[i].radius_mm - sb.circles[i].radius_mm) > near ||
-        (sa.circles[i].center.point - sb.circles[i].center.point).norm() > near)
+    if (std::abs(sa.circles[i].radius_mm - sb.circles[i].radius_mm) > near_mm ||
+        (sa.circles[i].center.point - sb.circles[i].center.point).norm() > near_mm)
       return false;
   return true;
 }

@@ -42,8 +42,8 @@ bool IsSlanted(const Hypothesis& hypothesis, const SeedContext& context);
 bool InRange(const PlacedObject& object, double slack_mm);
 // Does the object keep the rules of its knowledge base, to within what lines are unsure by?
 bool Allowed(const PlacedObject& object);
-// Equal to within half a pixel, vertex by vertex in any order?
-bool SamePlace(const PlacedObject& a, const PlacedObject& b, double mm_per_px);
+// Objects of one kind that are equal to within `near_mm`, vertex by vertex in any order?
+bool SamePlace(const PlacedObject& a, const PlacedObject& b, double near_mm);
 
 // How well an object that is not yet fitted agrees with the lines of some views (log-odds): to choose among
 // candidates. `claims`: null where it does not matter who explains the lines.

@@ -12,6 +12,9 @@
 
 namespace vss {
 
+// The search looks at so many pictures, the decision at many.
+inline constexpr int kSearchViews = 12;
+
 struct SceneData {
   // All but the knowledge base's templates must outlive it.
   SceneData(std::span<const View> views, const KnowledgeBase& knowledge, const IdentifyOptions& options,
@@ -25,7 +28,6 @@ struct SceneData {
 
   bool IsSinglePicture() const { return views.size() == 1; }
   SeedContext Context() const {
-    constexpr int kSearchViews = 12;  // the search looks at some pictures, the decision at many
     return {index, edges.lines, edges.circles, mm_per_px, kSearchViews};
   }
 
