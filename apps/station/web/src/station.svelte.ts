@@ -107,7 +107,7 @@ class Station {
   imageOf(file: string) { return this.survey?.images.findIndex((i) => i.file === file) ?? -1; }
 
   async start() {
-    const kept = remembered('page', { image: 0, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, tone: { ...plainTone }, magnify: this.magnify, keys: this.keys });
+    const place = remembered('place', { survey: '', tab: this.tab, selected: '' }), kept = remembered('page', { image: 0, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, tone: { ...plainTone }, magnify: this.magnify, keys: this.keys });
     Object.assign(this, { ...kept, image: this.image, layers: { ...this.layers, ...kept.layers } });
     setWho(this.who);
     try {
@@ -116,6 +116,8 @@ class Station {
       setTimeout(() => this.firstPictureShown(), this.view === 'scene' ? 0 : longestWaitMs);  // where none is shown, or it cannot be read
       await this.refresh();
       this.started = true;
+      if (place.survey === this.survey.name) this.tab = place.tab === 'build' ? 'parts' : place.tab;
+      if (place.survey === this.survey.name && this.items.has(`part/${place.selected}`)) this.selected = place.selected;
       this.loadRest();
       this.objects = (await api.knowledge()).objects;
     } catch (e) {
@@ -145,6 +147,7 @@ class Station {
     remember('page', { image: this.image, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, tone: this.tone, magnify: this.magnify, keys: this.keys });
     remember('build', { build: this.build, survey: this.survey?.name });
   }
+  keepPlace() { if (this.survey) remember('place', { survey: this.survey.name, tab: this.tab, selected: this.selected }); }
   setName(name: string) { this.who = name.trim() || 'operator'; setWho(this.who); this.keep(); }
 
   say(text: string, bad = false) {

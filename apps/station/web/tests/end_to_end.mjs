@@ -294,6 +294,70 @@ await test('says what a click would do, with every tool', async () => {
   await says('Look and pick', screen([(piece.points[0] + piece.points.at(-2)) / 2, (piece.points[1] + piece.points.at(-1)) / 2]), new RegExp(`Click: (selects \\w+ ${id}$|selects )`));
 });
 
+await test('goes on where the operator left off after the page is closed', async () => {
+  const other = await browser.context.newPage(), ready = () => other.waitForFunction(() => document.body.dataset.picture !== undefined);
+  await other.goto(station.url);
+  await ready();
+  await other.locator('#tab-parts').click();
+  const item = other.locator('.panel li .item').nth(1), id = (await parts())[1].id;
+  if ((await item.getAttribute('aria-pressed')) !== 'true') await item.click();
+  await other.getByRole('button', { name: 'Correct lines' }).click();
+  const picked = other.getByText(/\d+ lines picked/);
+  await picked.waitFor();
+  if (!(await other.locator('details').getAttribute('open').then((o) => o !== null))) await other.locator('details summary').click();
+  await other.getByRole('button', { name: 'Drop this line' }).first().click();
+  await other.locator('.strip button').nth(3).click();
+  await other.waitForFunction(() => document.body.dataset.picture === '3');
+  const before = await picked.innerText();
+  await other.reload();
+  await ready();
+  assert.equal(await other.evaluate(() => document.body.dataset.picture), '3');
+  await other.getByText(`Correct ${id}`).waitFor();
+  await picked.waitFor();
+  assert.equal((await picked.innerText()).split(' ·')[0], before.split(' ·')[0]);
+  await other.getByRole('button', { name: 'Stop' }).click();
+  await other.locator('#tab-history').click();
+  await other.reload();
+  await ready();
+  await other.locator('#tab-history[aria-selected=true]').waitFor();
+  await other.locator('#tab-parts').click();
+  await other.locator('.panel li .item[aria-pressed=true]', { hasText: id }).waitFor();
+  await other.close();
+});
+
+await test('goes through lines that lie on each other, and splits, merges and extends lines', async () => {
+  await page.keyboard.press('0');
+  const image = Number(await page.evaluate(() => document.body.dataset.picture)), screen = await toScreen(), segments = async () => (await ask(station.url, `pictures/${image}/lines`)).json.segments;
+  const before = await segments(), ends = before.flatMap((l) => [[l[0], l[1], l[2]], [l[0], l[3], l[4]]]), corner = ends.find((e) => ends.some((o) => o[0] !== e[0] && Math.hypot(o[1] - e[1], o[2] - e[2]) < 3));
+  assert.ok(corner, 'no two lines meet in this picture');
+  const over = screen([corner[1], corner[2]]), hover = () => page.locator('.picture .hover').getAttribute('points');
+  await page.mouse.move(over[0] + 2, over[1]);
+  await page.mouse.move(...over);
+  await page.locator('.status .hint').getByText(/line 1 of \d+ here/).waitFor();
+  const first = await hover();
+  await page.keyboard.press('Tab');
+  await page.locator('.status .hint').getByText(/line 2 of \d+ here/).waitFor();
+  assert.notEqual(await hover(), first);
+  const l = before.sort((a, b) => Math.hypot(b[3] - b[1], b[4] - b[2]) - Math.hypot(a[3] - a[1], a[4] - a[2]))[0], at = (t) => screen([l[1] + t * (l[3] - l[1]), l[2] + t * (l[4] - l[2])]);
+  const click = async (place) => { await page.mouse.move(place[0] + 1, place[1]); await page.mouse.move(...place); await page.waitForTimeout(60); await page.mouse.click(...place); };
+  await page.locator('body').press('s');
+  await click(at(0.4));
+  await until('it is split', async () => (await segments()).length === before.length + 1);
+  await page.locator('body').press('m');
+  await click(at(0.2));
+  await click(at(0.7));
+  await until('it is one line again', async () => (await segments()).length === before.length);
+  const length = (s) => Math.hypot(s[3] - s[1], s[4] - s[2]), longest = async () => Math.max(...(await segments()).map(length)), whole = await longest();
+  await page.keyboard.press('Escape');
+  await page.locator('body').press('x');
+  await click(at(0.3));
+  await click(at(0.15));
+  await until('it is shorter', async () => Math.abs((await longest()) - whole) > 1);
+  await page.keyboard.press('Escape');
+  for (let i = 0; i < 3; i++) { const was = await revision(); await page.keyboard.press('Control+z'); await until('it is undone', async () => (await revision()) > was); }
+  assert.equal((await segments()).length, before.length);
+});
+
 await test('corrects a wrong part: another kind, and back', async () => {
   const target = (await parts()).find((p) => p.kind === 'box');
   assert.ok(target, 'the sample has no box');
@@ -395,6 +459,19 @@ await test('leads through what is doubtful', async () => {
   await cut.last().getByRole('button', { name: 'Show it' }).click();
   await page.locator('.card.current').getByText(/It was split/).waitFor();
   await shot('todo');
+  // Merged, it is whole as well.
+  const half = pieces.find((p) => p.id !== whole.id);
+  await tab('parts');
+  const piece = page.locator('.panel li .item', { hasText: whole.id }).first();
+  if ((await piece.getAttribute('aria-pressed')) !== 'true') await piece.click();
+  await page.locator('body').press('j');
+  await page.getByRole('combobox', { name: 'Merge with…' }).selectOption(half.id);
+  await until('both are one', async () => (await parts()).length === count);
+  const one = (await parts()).find((p) => p.id === whole.id);
+  assert.ok(Math.abs(one.dimensions.length.value - whole.dimensions.length.value) < 1, `${one.dimensions.length.value} mm, before ${whole.dimensions.length.value}`);
+  await page.locator('#panel').press('Control+z');
+  await until('they are two again', async () => (await parts()).length === count + 1);
+  await tab('todo');
   await page.locator('body').press('Control+z');
   await until('it is whole again', async () => (await parts()).length === count);
   await until('the queue is as it was', async () => (await page.locator('.panel .card .grow').count()) === tasks);
@@ -831,7 +908,8 @@ await test('shows two pages each other\'s edits and overwrites nothing silently'
   const target = (await parts())[0];
   assert.ok(target, 'there is no part to edit');
   const version = (await ask(station.url, 'state')).json.items.find((i) => i.id === target.id).version;
-  await other.locator('.panel li .item').first().click();
+  await other.locator('#tab-parts').click();
+  if ((await other.locator('.panel li .item').first().getAttribute('aria-pressed')) !== 'true') await other.locator('.panel li .item').first().click();
   await other.locator('.detail').getByRole('button', { name: /Confirm|Take back/ }).click();
   await until('the other page has saved', async () => (await parts())[0].confirmed !== target.confirmed);
   await tab('parts');
