@@ -46,7 +46,7 @@ export const t = {
   wouldSelect: (part: string) => `Click: selects ${part}`, wouldSelectLine: 'Click: selects this line',
   pointer: (u: number, v: number, g: number | null) => `u ${u.toFixed(1)}  v ${v.toFixed(1)}${g === null ? '' : `  grey ${g}`}`,
   zoom: (s: number) => `${Math.round(s * 100)} %`, fitView: 'Show the whole picture', zoomIn: 'Zoom in', zoomOut: 'Zoom out', previous: 'Previous picture', next: 'Next picture',
-  overlap: (i: number, n: number) => `line ${i} of ${n} here; Tab goes to the next, or hold a finger on them`,
+  overlap: (i: number, n: number) => `line ${i} of ${n} here: Tab or a held finger chooses`,
   chooseLine: 'Which of these lines?', lineHere: (i: number, px: number, part: string) => `line ${i}, ${px.toFixed(0)} px long${part ? `, of ${part}` : ''}`,
   parts: {
     none: 'No parts yet.', noneHint: 'Run the survey, or build a part by hand.', selectFirst: 'Select a part first.', source: { automatic: 'automatic', corrected: 'corrected', manual: 'by hand' },
@@ -106,7 +106,7 @@ export const t = {
     doubtful: 'Next doubtful part', confirm: 'Confirm the selected part', build: 'New part by hand', correct: 'Correct lines of the selected part', collect: 'Take all lines that fit', propose: 'Propose which picked line is which', draw: 'Draw a missing line', curve: 'Draw a missing curve', split: 'Split a line', extend: 'Extend a line', merge: 'Merge two lines',
     delete: 'Delete the part, or remove the line', band: 'Pick the lines in a box', measure: 'Measure the selected part', refit: 'Fit the lines of the selected part', kind: 'Other kind of the selected part', cut: 'Split the selected part in two', unite: 'Merge the selected part with another',
     run: 'Run the survey, or cancel it', export: 'Export', distance: 'Measure a distance in 3D', section: 'Section in 3D', above: '3D from above', cameras: 'Cameras in 3D',
-    panelParts: 'Parts', panelTodo: 'To do', panelBuild: 'By hand', panelParameters: 'Parameters', panelCameras: 'Cameras', panelHistory: 'History', guide: 'First survey, step by step',
+    panelParts: 'Panel: Parts', panelTodo: 'Panel: To do', panelBuild: 'Panel: By hand', panelParameters: 'Panel: Parameters', panelCameras: 'Panel: Cameras', panelHistory: 'Panel: History', guide: 'First survey, step by step',
   } as Record<string, string>,
   fixedKeys: [
     ['Enter', 'Save the part that is being built; accept a proposal'], ['Shift drag', 'Picks the lines in a box'], ['Tab', 'Next line where lines lie on each other; turns a cut (pointer over the picture)'], ['Long press', 'On a touch screen: chooses among lines that lie on each other'], ['Ctrl+Z', 'Undo'], ['Ctrl+Y', 'Redo'], ['F1', 'Help'], ['Esc', 'Back'],
