@@ -138,10 +138,10 @@ Result<Json> Routes::ProjectionOf(int image) {
 }
 
 // One part, drawn in every picture that shows it.
-Result<Json> Routes::OutlinesOf(const std::string& part) const {
+std::optional<Json> Routes::OutlinesOf(const std::string& part) const {
   const auto solids = SolidsOf(workspace_);
   const auto at = std::find_if(solids.begin(), solids.end(), [&](const auto& s) { return s.first == part; });
-  if (at == solids.end()) return UsageError("there is no part of that name to be drawn");
+  if (at == solids.end()) return std::nullopt;
   const Occluders occluders = OccludersOf(solids);
   Json pictures = Json::object();
   for (const auto& view : workspace_.Views())
