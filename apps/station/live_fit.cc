@@ -228,10 +228,10 @@ Result<Json> ProposedContours(Workspace& w, const Json& body) {
   VSS_ASSIGN(const Proposal proposal,
              ProposeContours(
                  question, w.Views(), [&](const std::vector<int>& images) { return w.FlatLinesOf(images); },
-                 w.threads()));
+                 w.threads(), body.value("some", false)));
   Json readings = Json::array();
   for (const auto& r : proposal.readings)
-    readings.push_back({{"contours", r.contours}, {"rms_px", r.rms_px}});
+    readings.push_back({{"contours", r.contours}, {"rms_px", r.rms_px}, {"log_odds", r.log_odds}});
   const double ms =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
   return Json{{"readings", readings}, {"decided", proposal.decided}, {"ms", ms}};

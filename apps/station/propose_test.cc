@@ -29,7 +29,7 @@ class Propose : public testing::Test {
         l.sigma_angle_rad = 0.001;
       }
   }
-  Result<Proposal> Proposed() const {
+  Result<Proposal> Proposed(bool some = false) const {
     return ProposeContours(
         question, scene.views,
         [this](const std::vector<int>& images) {
@@ -37,7 +37,7 @@ class Propose : public testing::Test {
           for (int i : images) out.push_back(scene.lines[std::size_t(i)]);
           return out;
         },
-        1);
+        1, some);
   }
   // Lines of the first pictures in no order, each said to be edge 0.
   void PickShuffled(std::size_t count, int pictures) {
@@ -107,6 +107,56 @@ TEST_F(Propose, SaysTheSameEachTime) {
   ASSERT_TRUE(first && second);
   EXPECT_EQ(first->readings[0].contours, second->readings[0].contours);
   EXPECT_EQ(first->readings[0].object.State(), second->readings[0].object.State());
+}
+
+TEST_F(Propose, IsSureWhereManyLinesOfABlockAgree) {
+  Draw("box", {900, 400, 250});
+  PickShuffled(12, 2);
+  const auto proposal = Proposed();
+  ASSERT_TRUE(proposal) << proposal.error().message;
+  EXPECT_TRUE(proposal->decided);
+}
+
+TEST_F(Propose, IsNotSureWhereTheLinesDoNotSayWhereItStands) {
+  Draw("box", {900, 400, 250});
+  PickShuffled(1, 1);
+  const auto proposal = Proposed();
+  ASSERT_TRUE(proposal) << proposal.error().message;
+  EXPECT_FALSE(proposal->decided);
+}
+
+TEST_F(Propose, IsNotSureWhereLinesLieOnTwoContoursAtOnce) {
+  Draw("box", {900, 400, 3});  // from above its upper and its lower edges are one line each
+  PickShuffled(100, 1);
+  std::erase_if(question.picks, [this](const Pick& p) {
+    const auto& s = scene.lines[0].segments[std::size_t(p.line)];
+    return (s.ideal_end - s.ideal_start).norm() < 20;
+  });
+  question.picks.resize(std::min<std::size_t>(question.picks.size(), 5));
+  const auto proposal = Proposed();
+  ASSERT_TRUE(proposal) << proposal.error().message;
+  EXPECT_FALSE(proposal->decided);
+  ASSERT_EQ(proposal->readings.size(), 2u);
+  EXPECT_NE(proposal->readings[0].contours, proposal->readings[1].contours);
+}
+
+TEST_F(Propose, LeavesOutLinesOfABoxThatAreNotTheObjects) {
+  Draw("box", {900, 400, 250});
+  PickShuffled(9, 1);
+  for (int i = 0; i < 2; ++i) {
+    Pick shadow = question.picks[0];
+    shadow.line = -1;
+    shadow.ideal_start = {20.0 + 7 * i, 30}, shadow.ideal_end = {60, 33.0 + 90 * i};
+    question.picks.insert(question.picks.begin() + 2 * i, shadow);
+  }
+  EXPECT_FALSE(Proposed());
+  const auto proposal = Proposed(true);
+  ASSERT_TRUE(proposal) << proposal.error().message;
+  const auto& contours = proposal->readings[0].contours;
+  ASSERT_EQ(contours.size(), question.picks.size());
+  EXPECT_EQ(contours[0], kNoContour);
+  EXPECT_EQ(contours[2], kNoContour);
+  EXPECT_EQ(std::count(contours.begin(), contours.end(), kNoContour), 2);
 }
 
 TEST_F(Propose, RefusesLinesThatAreNoneOfTheObject) {

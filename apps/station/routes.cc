@@ -152,6 +152,11 @@ const std::vector<Routes::Route> Routes::kGetRoutes = {
                  const Asked& a) { return station::AnswerOf(r.State(QueryNumber(a.request, "since", 0))); }},
     {"knowledge", [](Routes& r, const Asked&) { return station::AnswerOf(r.Knowledge()); }},
     {"scene", [](Routes& r, const Asked&) { return AnswerOf(r.Scene()); }},
+    {"outlines/*",
+     [](Routes& r, const Asked& a) {
+       const auto outlines = r.OutlinesOf(a.name);
+       return outlines ? station::AnswerOf(*outlines) : NotFound("there is no part of that name");
+     }},
     {"measure", [](Routes& r, const Asked& a) { return AnswerOf(r.Measure(a.request)); }},
     {"history", [](Routes& r, const Asked& a) { return station::AnswerOf(r.History(a.request)); }},
     {"manual", [](Routes& r, const Asked&) { return station::AnswerOf(r.Manual()); }},

@@ -32,6 +32,7 @@ class Routes {
   Json State(std::int64_t since) const;
   Result<Json> LinesOf(int image);
   Result<Json> ProjectionOf(int image);
+  std::optional<Json> OutlinesOf(const std::string& part) const;  // empty: there is no such part
   Result<Json> BeforeOf(int image, std::int64_t edit) const;
   Result<Json> Scene();
   Json Knowledge() const;

@@ -79,6 +79,23 @@ Result<VertexAt> FindVertex(const Workspace& workspace, const std::string& text)
   return v;
 }
 
+using NamedSolids = std::vector<std::pair<std::string, WorldSolid>>;  // by the part's id
+
+NamedSolids SolidsOf(const Workspace& workspace) {
+  NamedSolids solids;
+  for (const auto& p : workspace.Parts())
+    if (const PlacedObject object = PlacedObjectOf(p.part, workspace.knowledge()); object.model)
+      solids.emplace_back(p.part.id, PlaceSolid(object, false));
+  return solids;
+}
+
+Occluders OccludersOf(const NamedSolids& solids) {
+  Occluders occluders;
+  int owner = 0;
+  for (const auto& s : solids) occluders.Add(s.second, owner++);
+  return occluders;
+}
+
 }  // namespace
 
 Result<Json> Routes::LinesOf(int image) {
@@ -103,15 +120,8 @@ Result<Json> Routes::LinesOf(int image) {
 Result<Json> Routes::ProjectionOf(int image) {
   const std::vector<View> views = workspace_.Views();
   const View& view = views[std::size_t(image)];
-  std::vector<std::pair<std::string, WorldSolid>> solids;
-  Occluders occluders;
-  int owner = 0;
-  for (const auto& p : workspace_.Parts()) {
-    const PlacedObject object = PlacedObjectOf(p.part, workspace_.knowledge());
-    if (!object.model) continue;
-    solids.emplace_back(p.part.id, PlaceSolid(object, false));
-    occluders.Add(solids.back().second, owner++);
-  }
+  const auto solids = SolidsOf(workspace_);
+  const Occluders occluders = OccludersOf(solids);
   Json parts = Json::object();
   for (const auto& [id, solid] : solids) {
     const auto pieces = ProjectContour(solid, view, occluders);
@@ -125,6 +135,19 @@ Result<Json> Routes::ProjectionOf(int image) {
     parts[id] = {{"pieces", PiecesToJson(pieces)}, {"vertices", vertices}};
   }
   return Json{{"parts", parts}};
+}
+
+// One part, drawn in every picture that shows it.
+std::optional<Json> Routes::OutlinesOf(const std::string& part) const {
+  const auto solids = SolidsOf(workspace_);
+  const auto at = std::find_if(solids.begin(), solids.end(), [&](const auto& s) { return s.first == part; });
+  if (at == solids.end()) return std::nullopt;
+  const Occluders occluders = OccludersOf(solids);
+  Json pictures = Json::object();
+  for (const auto& view : workspace_.Views())
+    if (const auto pieces = ProjectContour(at->second, view, occluders); !pieces.empty())
+      pictures[std::to_string(view.image)] = PiecesToJson(pieces);
+  return Json{{"pictures", pictures}};
 }
 
 // The parts that an edit changed or removed, drawn as they were before it.

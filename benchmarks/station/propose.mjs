@@ -15,10 +15,10 @@ let seed = 7;
 const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
 const shuffled = (list) => list.map((x) => [random(), x]).sort((a, b) => a[0] - b[0]).map((x) => x[1]);
 
-const all = { asked: 0, first: 0, either: 0, misled: 0, ms: [] };
+const all = { asked: 0, first: 0, sure: 0, either: 0, misled: 0, ms: [] };
 for (const part of state.items.filter((i) => i.kind === 'part').map((i) => i.value))
   for (const count of [4, 6, 8]) {
-    const one = { asked: 0, first: 0, either: 0, misled: 0, ms: [] };
+    const one = { asked: 0, first: 0, sure: 0, either: 0, misled: 0, ms: [] };
     for (let t = 0; t < trials; t++) {
       // One line a contour and picture, of the two pictures with most.
       const seen = new Set(), byImage = new Map();
@@ -35,7 +35,7 @@ for (const part of state.items.filter((i) => i.kind === 'part').map((i) => i.val
       one.ms.push(performance.now() - begin);
       one.asked++;
       if (answer.status !== 200) { if (process.env.VSS_WHY) console.log('   ', answer.json.error); continue; }
-      if (process.env.VSS_WHY) console.log('  truth rms', (await ask(station.url, 'fit', { ...question, picks })).json.rms_px, 'picture(s)', new Set(picks.map((p) => p.image)).size, 'readings', answer.json.readings?.map((r) => r.rms_px.toFixed(2) + ' ' + r.contours.join()).join(' / '), 'true', picks.map((p) => p.contour).join());
+      if (process.env.VSS_WHY) console.log('  truth rms', (await ask(station.url, 'fit', { ...question, picks })).json.rms_px, 'picture(s)', new Set(picks.map((p) => p.image)).size, 'readings', answer.json.readings?.map((r) => r.rms_px.toFixed(2) + ' ' + r.log_odds.toFixed(0) + ' ' + r.contours.join()).join(' / '), 'true', picks.map((p) => p.contour).join());
       const should = await ask(station.url, 'fit', { ...question, picks }), right = [];
       for (const r of answer.json.readings) {
         const fit = await ask(station.url, 'fit', { ...question, picks: picks.map((p, i) => ({ ...p, contour: r.contours[i] })) });
@@ -43,14 +43,19 @@ for (const part of state.items.filter((i) => i.kind === 'part').map((i) => i.val
       }
       one.first += right[0] ?? 0;
       one.either += right.some(Boolean);
+      if (process.env.VSS_WHY && answer.json.decided && !right[0]) {
+        const fit = (await ask(station.url, 'fit', { ...question, picks: picks.map((p, i) => ({ ...p, contour: answer.json.readings[0].contours[i] })) })).json, dims = (f) => (f.placed ? '' : 'NOT PLACED ') + Object.entries(f.part.dimensions).map(([n, d]) => `${n} ${d.value.toFixed(0)}${d.observable ? '' : '?'}`).join(' ');
+        console.log('    wrong and sure:', dims(fit), '| should:', dims(should.json), '| part:', dims({ placed: true, part }), '| off', vertexError(fit.part, should.json.part).toFixed(0), vertexError(fit.part, part).toFixed(0));
+      }
+      one.sure += answer.json.decided && !!right[0];
       one.misled += answer.json.decided && !right[0];
     }
     if (one.asked === 0) continue;
-    console.log(`${part.id} ${part.kind}, ${count} lines: ${one.first} of ${one.asked} first readings right, ${one.either} with the runner-up, ${one.misled} wrong and called sure; worst ${Math.max(...one.ms).toFixed(0)} ms`);
-    for (const k of ['asked', 'first', 'either', 'misled']) all[k] += one[k];
+    console.log(`${part.id} ${part.kind}, ${count} lines: ${one.first} of ${one.asked} first readings right (${one.sure} and called sure), ${one.either} with the runner-up, ${one.misled} wrong and called sure; worst ${Math.max(...one.ms).toFixed(0)} ms`);
+    for (const k of ['asked', 'first', 'sure', 'either', 'misled']) all[k] += one[k];
     all.ms.push(...one.ms);
   }
 all.ms.sort((a, b) => a - b);
-console.log(`all: ${all.first} of ${all.asked} first readings right, ${all.either} with the runner-up, ${all.misled} wrong and called sure; median ${all.ms[all.ms.length >> 1].toFixed(0)} ms, worst ${all.ms.at(-1).toFixed(0)} ms`);
+console.log(`all: ${all.first} of ${all.asked} first readings right (${all.sure} and called sure), ${all.either} with the runner-up, ${all.misled} wrong and called sure; median ${all.ms[all.ms.length >> 1].toFixed(0)} ms, worst ${all.ms.at(-1).toFixed(0)} ms`);
 await station.kill();
 rmSync(folder, { recursive: true, force: true });

@@ -8,8 +8,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-// As good as nothing between two readings (log-odds), and surely more.
-constexpr double kBarely = 10;
+// Surely more than another (log-odds).
 constexpr double kClearly = 1e-6;
 // A reading that explains less by no more than this is looked at with other company, too: what a part brings.
 constexpr double kSecondLook = 100;

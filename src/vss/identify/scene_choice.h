@@ -8,6 +8,9 @@
 
 namespace vss {
 
+// Two readings of the same lines whose log-odds differ by less are about as good as each other.
+inline constexpr double kBarely = 10;
+
 // What an object's relations to others can bring at most, log-odds.
 double MostOfRelations(const ObjectModel& model);
 

@@ -12,9 +12,10 @@
 
 namespace vss {
 
-struct SceneData {
-  static constexpr int kSearchViews = 12;  // the search looks at some pictures, the decision at many
+// The search looks at that many pictures of a place, the decision at many.
+inline constexpr int kSearchViews = 12;
 
+struct SceneData {
   // All but the knowledge base's templates must outlive it.
   SceneData(std::span<const View> views, const KnowledgeBase& knowledge, const IdentifyOptions& options,
             int threads, const Progress& progress)

@@ -177,6 +177,28 @@ albedo = 0.45
   ExpectAllFound(*s);
 }
 
+TEST_F(Examples, ThePiecesOfASlantedCutAreFoundFromTheirTextAloneWhicheverWayTheyAreCut) {
+  const auto s = Survey(kHighRig, "[\"box\", " + Example("slanted_plate.kb") + "]", R"(
+[[part]]
+id = "left"
+kind = "slanted_plate"
+dimensions = { length = 900, width = 450, height = 60, slant = 260 }
+position = [800, 850]
+yaw = 12
+albedo = 0.5
+[[part]]
+id = "right"
+kind = "slanted_plate"
+features = ["mirrored"]
+dimensions = { length = 700, width = 350, height = 50, slant = 180 }
+position = [1700, 800]
+yaw = 70
+albedo = 0.45
+)");
+  ASSERT_TRUE(s) << s.error().message;
+  ExpectAllFound(*s);
+}
+
 TEST_F(Examples, StiffenersWithAndWithoutSnipesAreToldApart) {
   const auto s = Survey(kLowRig, "[" + Example("stiffener.kb") + "]", R"(
 [[part]]

@@ -8,11 +8,11 @@ export class Refused extends Error {
 let who = 'operator';
 export function setWho(name: string) { who = name; }
 
-async function ask<T>(path: string, body?: object): Promise<T> {
+async function ask<T>(path: string, body?: object, signal?: AbortSignal): Promise<T> {
   let answer: Response;
   try {
     answer = await fetch('/api/' + path, body === undefined ? {} : {
-      method: 'POST', headers: { 'Content-Type': 'application/json', 'X-VSS-Who': encodeURIComponent(who) }, body: JSON.stringify(body),
+      signal, method: 'POST', headers: { 'Content-Type': 'application/json', 'X-VSS-Who': encodeURIComponent(who) }, body: JSON.stringify(body),
     });
   } catch {
     throw new Refused(0, t.noAnswer);
@@ -28,6 +28,7 @@ export const api = {
   knowledge: () => ask<{ objects: KnownObject[] }>('knowledge'),
   lines: (image: number) => ask<Lines>(`pictures/${image}/lines`),
   projection: (image: number) => ask<Projection>(`pictures/${image}/projection`),
+  outlines: (part: string) => ask<{ pictures: Record<string, Piece[]> }>(`outlines/${encodeURIComponent(part)}`),
   before: (image: number, edit: number) => ask<{ parts: Record<string, Piece[]> }>(`pictures/${image}/before?edit=${edit}`),
   scene: () => ask<{ parts: ScenePart[]; seams: SceneSeam[] }>('scene'),
   history: (before = 0, limit = 100) => ask<{ rows: HistoryRow[] }>(`history?before=${before}&limit=${limit}`),
@@ -38,7 +39,7 @@ export const api = {
   drawing: (kind: string, features: string[] | undefined, dimensions: Record<string, number> = {}, resting_pose = 0) => ask<{ pieces: Piece[]; size: number }>('drawing', { kind, features, dimensions, resting_pose }),
   cut: (part: string, image: number, at: [number, number], along: string) => ask<Cut>('cut', { part, image, at, along }),
   fit: (question: object) => ask<Fit>('fit', question),
-  propose: (question: object) => ask<Proposal>('propose', question),
+  propose: (question: object, signal: AbortSignal) => ask<Proposal>('propose', question, signal),
   command: (name: string, args: object = {}) => ask<Record<string, unknown> & { revision: number }>('command', { do: name, ...args }),
 };
 

@@ -6,6 +6,8 @@ export const usualKeys: Keys = {
   left: 'ArrowLeft', right: 'ArrowRight', up: 'ArrowUp', down: 'ArrowDown',
   grey: 'g', lines: 'l', parts: 'p', hidden: 'h', residuals: 'r', vertices: 'v', colour: 'k',
   doubtful: 'n', confirm: 'c', build: 'b', correct: 'e', collect: 'a', propose: 'w', draw: 'd', curve: 'o', split: 's', extend: 'x', merge: 'm', delete: 'Delete',
+  band: 'f', measure: 'q', refit: 'u', kind: 'y', cut: 't', unite: 'j', run: 'F9', export: 'F2', distance: 'i', section: 'z', above: 'Home', cameras: 'End',
+  panelParts: '4', panelTodo: '5', panelBuild: '6', panelParameters: '7', panelCameras: '8', panelHistory: '9', guide: 'F8',
 };
 // Keys that always mean the same.
 const fixedKeys = ['Escape', 'Enter', 'Tab', ' ', 'F1', 'Shift', 'Control', 'Alt', 'Meta'];

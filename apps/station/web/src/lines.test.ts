@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { arcPoints, batchLines, distanceToSegment, LineIndex, linePoints, strengthBucket, unusedColour, usedColour } from './lines';
+import { arcPoints, batchLines, distanceToSegment, LineIndex, linePoints, strengthBucket, unusedColour, usedColour, lengthOf } from './lines';
 import type { Lines } from './types';
 
 const lines = (segments: number[][], arcs: number[][] = []): Lines => ({ segments, arcs, removed: [], version: 0, noise: 1 });
@@ -56,3 +56,4 @@ describe('drawing', () => {
     expect(batches.find((b) => b.colour === unusedColour)?.shapes.length).toBe(2);
   });
 });
+it('the length of a polyline is that of its pieces', () => { expect(lengthOf([0, 0, 3, 4, 3, 10])).toBe(11); expect(lengthOf([1, 1])).toBe(0); });

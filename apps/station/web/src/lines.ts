@@ -33,6 +33,12 @@ export function linePoints(row: LineRow): number[] {
   return row.length > 7 ? [row[1], row[2], ...row.slice(7), row[3], row[4]] : [row[1], row[2], row[3], row[4]];
 }
 
+export function lengthOf(points: number[]): number {
+  let sum = 0;
+  for (let k = 0; k + 3 < points.length; k += 2) sum += Math.hypot(points[k + 2] - points[k], points[k + 3] - points[k + 1]);
+  return sum;
+}
+
 export function distanceToSegment(u: number, v: number, a: number, b: number, c: number, d: number): number {
   const x = c - a, y = d - b, l2 = x * x + y * y;
   const t = l2 > 0 ? Math.max(0, Math.min(1, ((u - a) * x + (v - b) * y) / l2)) : 0;

@@ -9,6 +9,7 @@ test('a reading names the contour of each pick and leaves the picks themselves a
   expect(read[0].residual_px).toBeNull();
   expect(picks[0].contour).toBe(0);
 });
+test('lines that are not the part\'s are left out', () => { expect(readAs(picks, [-1, 2]).map((p) => [p.line, p.contour])).toEqual([[1, 2]]); });
 test('picks are the same whatever their contours are', () => {
   expect(samePicks(picks, readAs(picks, [5, 1]))).toBe(true);
   expect(samePicks(picks, picks.slice(1))).toBe(false);

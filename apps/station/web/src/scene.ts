@@ -290,6 +290,21 @@ export class SceneDrawing {
   home() { this.look(new THREE.Vector3(-0.55, -0.75, 0.62)); }
   top() { this.look(new THREE.Vector3(0, -0.001, 1)); }
 
+  zoom(factor: number) {
+    this.camera.position.sub(this.controls.target).divideScalar(factor).add(this.controls.target);
+    this.controls.update();
+    this.ask();
+  }
+  // About the upright, and towards it, rad.
+  turn(about: number, down: number) {
+    const from = new THREE.Spherical().setFromVector3(this.camera.position.clone().sub(this.controls.target).applyAxisAngle(new THREE.Vector3(1, 0, 0), -Math.PI / 2));
+    from.theta += about;
+    from.phi = Math.min(this.controls.maxPolarAngle, Math.max(0.01, from.phi + down));
+    this.camera.position.setFromSpherical(from).applyAxisAngle(new THREE.Vector3(1, 0, 0), Math.PI / 2).add(this.controls.target);
+    this.controls.update();
+    this.ask();
+  }
+
   private ray(e: PointerEvent): THREE.Raycaster {
     const r = this.box.getBoundingClientRect(), ray = new THREE.Raycaster();
     ray.setFromCamera(new THREE.Vector2(((e.clientX - r.left) / r.width) * 2 - 1, -((e.clientY - r.top) / r.height) * 2 + 1), this.camera);
@@ -302,7 +317,7 @@ export class SceneDrawing {
   }
   private vertexAt(e: PointerEvent): VertexPick | null {
     const r = this.box.getBoundingClientRect();
-    let best: VertexPick | null = null, least = reachPx;
+    let best: VertexPick | null = null, least = e.pointerType === 'touch' ? 2 * reachPx : reachPx;
     for (const s of this.shown) s.data.vertices.forEach((v, i) => {
       const p = new THREE.Vector3(...v).project(this.camera);
       if (p.z > 1) return;

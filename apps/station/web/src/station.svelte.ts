@@ -2,7 +2,7 @@
 import { api, download, endEarly, listen, Refused, setWho } from './api';
 import { contourAt, samePlace, type Contour } from './contours';
 import type { Keys } from './keymap';
-import { arcPoints, LineIndex, linePoints, type ColourBy, type Found } from './lines';
+import { arcPoints, lengthOf, LineIndex, linePoints, type ColourBy, type Found } from './lines';
 import { readAs, samePicks } from './proposal';
 import { tasksOf, type Unknown } from './queue';
 import { t } from './texts';
@@ -10,7 +10,7 @@ import { plainTone, type Tone } from './tone';
 import type { Fit, Hint, Item, KnownObject, Lines, Parameter, Part, Pick, Piece, Projection, Proposal, Run, ScenePart, SceneSeam, State, Survey } from './types';
 
 export type Tab = 'parts' | 'todo' | 'build' | 'parameters' | 'cameras' | 'history' | 'help';
-export type Tool = 'look' | 'draw' | 'arc' | 'cut' | 'split' | 'extend' | 'merge' | 'remove';
+export type Tool = 'look' | 'band' | 'draw' | 'arc' | 'cut' | 'split' | 'extend' | 'merge' | 'remove';
 export type ViewMode = 'picture' | 'scene' | 'both';
 export interface Layers { picture: boolean; lines: boolean; parts: boolean; hidden: boolean; residuals: boolean; vertices: boolean }
 export interface Toast { text: string; bad: boolean; id: number }
@@ -27,6 +27,7 @@ function remember(name: string, value: unknown) {
   try { localStorage.setItem('vss.' + name, JSON.stringify(value)); } catch { /* a private window keeps nothing */ }
 }
 
+const mostProposed = 16;  // lines that a proposal takes
 const longestWaitMs = 2000;  // that the rest waits for the first picture
 
 class Station {
@@ -60,17 +61,24 @@ class Station {
   parameterSearch = $state('');
   keys = $state.raw<Keys>({});           // that the operator changed
   showKeys = $state(false);
+  exportOpen = $state(false);
+  choosing = $state<'' | 'kind' | 'merge'>('');  // what the selected part shall become, or with what be one
+  showScene: ((name: string) => boolean) | null = null;  // set by the 3D view: what a key does there
   guide = $state(-1);
   guideDone = $state<Record<string, boolean>>({});
 
   lines = $state.raw<Map<number, LoadedLines>>(new Map());
   projections = $state.raw<Map<number, Projection & { revision: number }>>(new Map());
+  outlines = $state.raw<{ part: string; pictures: Record<string, Piece[]> }>({ part: '', pictures: {} });  // of the selected part, in all pictures
+  broken = $state.raw<Map<number, string>>(new Map());  // pictures that cannot be read, and why
   scene = $state.raw<{ parts: ScenePart[]; seams: SceneSeam[]; revision: number }>({ parts: [], seams: [], revision: -1 });
 
   build = $state<Build | null>(null);
   fit = $state.raw<Fit | null>(null);
   fitError = $state('');
-  proposed = $state.raw<{ readings: Proposal['readings']; decided: boolean; shown: number; before: Pick[] } | null>(null);  // shown, but not accepted yet
+  // Shown, but not accepted yet. `asked`: the picks that were read; `before`: those that there were.
+  proposed = $state.raw<{ readings: Proposal['readings']; decided: boolean; shown: number; asked: Pick[]; before: Pick[] } | null>(null);
+  proposing = $state.raw<AbortController | null>(null);  // a proposal is being looked for
 
   compared = $state(0);                  // the edit before which the pictures show changed parts, dotted
   before = $state.raw<{ image: number; edit: number; pieces: Piece[] } | null>(null);
@@ -99,7 +107,7 @@ class Station {
   imageOf(file: string) { return this.survey?.images.findIndex((i) => i.file === file) ?? -1; }
 
   async start() {
-    const kept = remembered('page', { image: 0, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, tone: { ...plainTone }, magnify: this.magnify, keys: this.keys });
+    const place = remembered('place', { survey: '', tab: this.tab, selected: '' }), kept = remembered('page', { image: 0, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, tone: { ...plainTone }, magnify: this.magnify, keys: this.keys });
     Object.assign(this, { ...kept, image: this.image, layers: { ...this.layers, ...kept.layers } });
     setWho(this.who);
     try {
@@ -108,6 +116,8 @@ class Station {
       setTimeout(() => this.firstPictureShown(), this.view === 'scene' ? 0 : longestWaitMs);  // where none is shown, or it cannot be read
       await this.refresh();
       this.started = true;
+      if (place.survey === this.survey.name) this.tab = place.tab === 'build' ? 'parts' : place.tab;
+      if (place.survey === this.survey.name && this.items.has(`part/${place.selected}`)) this.selected = place.selected;
       this.loadRest();
       this.objects = (await api.knowledge()).objects;
     } catch (e) {
@@ -137,6 +147,7 @@ class Station {
     remember('page', { image: this.image, layers: this.layers, colourBy: this.colourBy, who: this.who, view: this.view, tone: this.tone, magnify: this.magnify, keys: this.keys });
     remember('build', { build: this.build, survey: this.survey?.name });
   }
+  keepPlace() { if (this.survey) remember('place', { survey: this.survey.name, tab: this.tab, selected: this.selected }); }
   setName(name: string) { this.who = name.trim() || 'operator'; setWho(this.who); this.keep(); }
 
   say(text: string, bad = false) {
@@ -150,7 +161,6 @@ class Station {
       this.run = m.run as Run;
       const said = t.runs[this.run.job ?? 'survey'];
       if (this.run.state === 'done') this.say(said.done(this.run.message ?? ''));
-      if (this.run.state === 'failed') this.say(said.failed(this.run.message ?? ''), true);
       if (this.run.state === 'cancelled') this.say(said.cancelled);
       if (this.run.state === 'done') { this.guideDone.run ||= this.run.job !== 'calibration'; void this.refresh(); }
     }
@@ -197,7 +207,10 @@ class Station {
   async loadLines(image: number) {
     const stamp = this.linesStamp(image);
     if (this.lines.get(image)?.stamp === stamp) return;
-    const lines = await api.lines(image);
+    const lines = await api.lines(image).catch((e: Refused) => {
+      if (e.status === 422) this.markBroken(image, e.message);
+      throw e;
+    });
     this.lines = new Map(this.lines).set(image, { ...lines, index: new LineIndex(lines), stamp });
   }
 
@@ -207,7 +220,31 @@ class Station {
       if (this.projections.get(image)?.revision === this.revision) return;
       const revision = this.revision, projection = await api.projection(image);
       this.projections = new Map(this.projections).set(image, { ...projection, revision });
-    } catch (e) { this.complain(e as Refused); }
+    } catch (e) { if (!this.broken.has(image)) this.complain(e as Refused); }
+  }
+
+  // Of a picture that can be read again `why` is empty.
+  markBroken(image: number, why: string) {
+    if ((this.broken.get(image) ?? '') === why) return;
+    const broken = new Map(this.broken);
+    if (why) broken.set(image, why); else broken.delete(image);
+    this.broken = broken;
+  }
+
+  // Where the selected part lies in every picture, for the strip.
+  private outlined = '';
+  async loadOutlines() {
+    const part = this.selected, asked = `${part} ${this.revision}`;
+    if (!part) { this.outlined = ''; this.outlines = { part: '', pictures: {} }; return; }
+    if (asked === this.outlined) return;
+    this.outlined = asked;
+    const answer = await api.outlines(part).catch(() => ({ pictures: {} }));  // its kind may be unknown here
+    if (asked === this.outlined) this.outlines = { part, ...answer };
+  }
+  // What lights up in a picture of the strip: the part that is being built, else the selected one.
+  outlineIn(image: number): Piece[] {
+    const pieces = this.build ? this.fit?.projections[String(image)] : this.outlines.part === this.selected ? this.outlines.pictures[String(image)] : undefined;
+    return pieces?.filter((p) => !p.hidden) ?? [];
   }
 
   private async loadAllLines() {
@@ -251,8 +288,26 @@ class Station {
 
   select(id: string) {
     if (id !== this.selected && this.tool === 'cut') this.tool = 'look';
+    if (id !== this.selected) this.choosing = '';
     this.selected = id;
     if (id) this.guideDone.select = true;
+  }
+
+  openTab(tab: Tab) {
+    this.tab = tab;
+    if (tab === 'build' && !this.build) this.startBuild();
+  }
+  runOrCancel() { void this.command(this.run.state === 'running' ? 'cancel' : 'run'); }
+  // What a key does to the selected part is shown beside it.
+  choose(what: 'kind' | 'merge') { this.tab = 'parts'; this.choosing = this.choosing === what ? '' : what; }
+  refit(part: Part) { return this.command('refit_part', { part: part.id, version: this.version('part', part.id) }); }
+  // Pointing is done in a picture that shows the part.
+  async cut(part: Part) {
+    if (this.tool === 'cut') { this.tool = 'look'; return; }
+    this.tab = 'parts';
+    if (this.view === 'scene') this.view = 'both';
+    await this.showPart(part);
+    this.startCut();
   }
 
   async take(path: string) { try { await download(path); } catch (e) { this.complain(e as Error); } }
@@ -380,7 +435,7 @@ class Station {
     this.selected = part.id;
     void this.ask();
   }
-  stopBuild() { this.build = null; this.fit = null; this.proposed = null; this.fitError = ''; this.tab = 'parts'; this.keep(); }
+  stopBuild() { this.build = null; this.fit = null; this.proposed = null; this.fitError = ''; this.tab = 'parts'; if (this.tool === 'band') this.tool = 'look'; this.keep(); }
 
   private question(collect = false) {
     const b = this.build!;
@@ -428,27 +483,35 @@ class Station {
     void this.ask();
   }
   // Which line is which: VSS's reading of the picks is shown until the operator accepts it or goes back.
-  async propose() {
+  // `boxed`: lines that were not picked one by one; those that are not the part's are left out.
+  async propose(boxed: Pick[] = []) {
     const b = this.build;
     if (!b?.kind) return;
-    if (b.picks.length === 0) { this.say(t.build.proposeFirst); return; }
-    const before = b.picks.map((p) => ({ ...p }));
+    const before = b.picks.map((p) => ({ ...p })), asked = [...before, ...boxed];
+    if (asked.length === 0) { this.say(t.build.proposeFirst); return; }
+    this.proposing?.abort();
+    const mine = (this.proposing = new AbortController());
     try {
-      const { readings, decided } = await api.propose(this.question());
+      const { readings, decided } = await api.propose({ ...this.question(), picks: asked.map(({ image, line, contour, circle }) => ({ image, line, contour, circle })), some: boxed.length > 0 }, mine.signal);
       if (this.build !== b || !samePicks(b.picks, before)) return;  // the operator went on
-      this.proposed = { readings, decided, shown: 0, before };
+      this.proposed = { readings, decided, shown: 0, asked, before };
       this.showReading(0);
-    } catch (e) { this.proposed = null; this.complain(e as Error); }
+    } catch (e) {
+      if (mine.signal.aborted) return;
+      this.proposed = null;
+      this.complain(e as Error);
+    } finally { if (this.proposing === mine) this.proposing = null; }
   }
+  stopProposing() { this.proposing?.abort(); this.proposing = null; }
   showReading(i: number) {
     if (!this.build || !this.proposed) return;
     this.proposed = { ...this.proposed, shown: i };
-    this.build.picks = readAs(this.proposed.before, this.proposed.readings[i].contours);
+    this.build.picks = readAs(this.proposed.asked, this.proposed.readings[i].contours);
     void this.ask();
   }
   endProposal(accept: boolean) {
     if (!this.build || !this.proposed) return;
-    if (!accept) { this.build.picks = this.proposed.before; void this.ask(); }
+    if (!accept) { this.build.picks = this.proposed.before; void this.ask(); }  // with `before` empty there is no fit any more
     this.proposed = null;
   }
   // Another contour for a pick.
@@ -466,12 +529,19 @@ class Station {
   contourOf(line: number, circle: boolean): Contour | null {
     return this.fit?.placed ? contourAt(this.fit.projections[String(this.image)] ?? [], this.pointsOf(line, circle), circle) : null;
   }
-  // Lines of the present picture; those that lie on a contour of the fitted part are picked.
+  // Lines of the present picture. Those that lie on a contour of the fitted part are picked; where there is no fit yet, VSS says
+  // which is which.
   pickAll(lines: Found[]) {
     const b = this.build;
     if (!b) return;
-    const fresh = lines.filter((l) => !b.picks.some((p) => p.image === this.image && p.line === l.line && p.circle === l.circle))
-      .map((l) => ({ ...l, contour: this.contourOf(l.line, l.circle) })).filter((l) => l.contour);
+    const others = lines.filter((l) => !b.picks.some((p) => p.image === this.image && p.line === l.line && p.circle === l.circle));
+    if (!this.fit?.placed) {
+      const room = mostProposed - b.picks.length, longest = others.map((l) => ({ ...l, px: lengthOf(this.pointsOf(l.line, l.circle)) })).sort((x, y) => y.px - x.px).slice(0, Math.max(0, room));
+      if (longest.length === 0) { this.say(t.build.nothingBoxed); return; }
+      void this.propose(longest.map((l) => ({ image: this.image, line: l.line, contour: 0, circle: l.circle })));
+      return;
+    }
+    const fresh = others.map((l) => ({ ...l, contour: this.contourOf(l.line, l.circle) })).filter((l) => l.contour);
     b.picks.push(...fresh.map((l) => ({ image: this.image, line: l.line, contour: l.contour!.index, circle: l.circle })));
     if (fresh.length > 0) { this.advance?.(); void this.ask(); }
   }

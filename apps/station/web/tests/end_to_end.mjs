@@ -3,7 +3,8 @@
 // VSS_SCREENSHOTS=DIR writes the manual's pictures there; VSS_MANUAL=DIR holds those that the manual has: a test fails where the
 // page no longer looks like them. VSS_FAILURES=DIR the page where a test failed.
 import assert from 'node:assert/strict';
-import { execFileSync } from 'node:child_process';
+import { execFile } from 'node:child_process';
+import { promisify } from 'node:util';
 import { cpSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { tmpdir } from 'node:os';
@@ -18,6 +19,7 @@ if (!browser) skip('there is no Chromium; install the package chromium');
 const folder = copySurvey(survey);
 const truth = existsSync(join(folder, 'truth.json')) ? JSON.parse(readFileSync(join(folder, 'truth.json'), 'utf8')) : null;
 let station = await startStation(vss, folder);
+const run = promisify(execFile);  // this program goes on meanwhile: its connections to the station stay alive
 const shots = process.env.VSS_SCREENSHOTS;
 const failures = process.env.VSS_FAILURES;
 for (const made of [shots, failures]) if (made) mkdirSync(made, { recursive: true });
@@ -165,7 +167,7 @@ await test('surveys the sample from the page', async () => {
   assert.equal(await page.locator('.panel li .item').count(), found.length);
   // What the page exports is what the command line writes, all that it was checked by included.
   const written = mkdtempSync(join(tmpdir(), 'vss-survey-'));
-  execFileSync(vss, ['survey', folder, '-o', join(written, 'out')], { stdio: 'ignore' });
+  await run(vss, ['survey', folder, '-o', join(written, 'out')]);
   const exported = await (await fetch(station.url + 'api/product.json')).json();
   assert.deepEqual(exported, JSON.parse(readFileSync(join(written, 'out', 'product.json'), 'utf8')));
   assert.ok(exported.checks && exported.parts.every((p) => p.contours.length > 0 && p.observability), 'the export lacks what the parts were checked by');
@@ -191,6 +193,42 @@ await test('shows one part everywhere, confirms it, and undoes and redoes that',
   await page.keyboard.press('Control+y');
   await until('it is done again', async () => (await parts())[0].confirmed);
   assert.equal(await revision(), before + 3);
+});
+
+await test('lights the selected part up in every picture', async () => {
+  const target = (await parts()).at(-1), item = page.locator('.panel li .item', { hasText: target.id }).first();
+  if ((await item.getAttribute('aria-pressed')) !== 'true') await item.click();
+  const shown = Object.keys((await ask(station.url, `outlines/${target.id}`)).json.pictures).length;
+  assert.ok(shown >= target.images.length, `drawn in ${shown} pictures, used in ${target.images.length}`);
+  await until('it is drawn in the strip', async () => (await page.locator('.strip .outline').count()) === shown);
+  await until('the strip shows one of them', async () => { const strip = await page.locator('.strip').boundingBox(), boxes = await Promise.all((await page.locator('.strip .outline').all()).map((o) => o.boundingBox())); return boxes.some((b) => b.y >= strip.y && b.y + b.height <= strip.y + strip.height); });
+  await item.click();
+  await until('it is drawn no more', async () => (await page.locator('.strip .outline').count()) === 0);
+});
+
+await test('goes everywhere with the keys', async () => {
+  for (const [key, name] of [['5', 'todo'], ['7', 'parameters'], ['8', 'cameras'], ['9', 'history'], ['4', 'parts']]) { await page.locator('body').press(key); await page.locator(`#tab-${name}[aria-selected=true]`).waitFor(); }
+  await page.locator('body').press('F2');
+  await page.getByRole('link', { name: 'product.json' }).waitFor();
+  await page.keyboard.press('Escape');
+  await page.getByRole('link', { name: 'product.json' }).waitFor({ state: 'detached' });
+  // The pictures are one stop of the Tab key; in it the arrow keys go from one to the next.
+  await page.locator('.strip [aria-current=true]').focus();
+  const before = Number(await page.evaluate(() => document.body.dataset.picture));
+  await page.keyboard.press('ArrowDown');
+  await page.waitForFunction((i) => document.body.dataset.picture === String(i), before + 1);
+  assert.equal(await page.evaluate(() => document.activeElement.getAttribute('aria-current')), 'true');
+  await page.keyboard.press('Tab');
+  assert.equal(await page.evaluate(() => document.activeElement.closest('.strip') === null), true, 'the Tab key stays among the pictures');
+  await page.locator('.strip [aria-current=true]').focus();
+  await page.keyboard.press('ArrowUp');
+  await page.waitForFunction((i) => document.body.dataset.picture === String(i), before);
+  const item = page.locator('.panel li .item').first();
+  if ((await item.getAttribute('aria-pressed')) !== 'true') await item.click();
+  await page.locator('body').press('y');
+  await until('the choice of kinds has the focus', async () => page.evaluate(() => document.activeElement?.getAttribute('aria-label') === 'Other kind…'));
+  await page.locator('#panel').press('y');
+  await item.click();
 });
 
 await test('switches layers', async () => {
@@ -254,6 +292,70 @@ await test('says what a click would do, with every tool', async () => {
   const part = (await parts())[0], pieces = (await ask(station.url, `pictures/${image}/projection`)).json.parts, [id, shown] = Object.entries(pieces)[0], piece = shown.pieces.find((p) => !p.hidden && p.source === 'edge');
   assert.ok(part && piece);
   await says('Look and pick', screen([(piece.points[0] + piece.points.at(-2)) / 2, (piece.points[1] + piece.points.at(-1)) / 2]), new RegExp(`Click: (selects \\w+ ${id}$|selects )`));
+});
+
+await test('goes on where the operator left off after the page is closed', async () => {
+  const other = await browser.context.newPage(), ready = () => other.waitForFunction(() => document.body.dataset.picture !== undefined);
+  await other.goto(station.url);
+  await ready();
+  await other.locator('#tab-parts').click();
+  const item = other.locator('.panel li .item').nth(1), id = (await parts())[1].id;
+  if ((await item.getAttribute('aria-pressed')) !== 'true') await item.click();
+  await other.getByRole('button', { name: 'Correct lines' }).click();
+  const picked = other.getByText(/\d+ lines picked/);
+  await picked.waitFor();
+  if (!(await other.locator('details').getAttribute('open').then((o) => o !== null))) await other.locator('details summary').click();
+  await other.getByRole('button', { name: 'Drop this line' }).first().click();
+  await other.locator('.strip button').nth(3).click();
+  await other.waitForFunction(() => document.body.dataset.picture === '3');
+  const before = await picked.innerText();
+  await other.reload();
+  await ready();
+  assert.equal(await other.evaluate(() => document.body.dataset.picture), '3');
+  await other.getByText(`Correct ${id}`).waitFor();
+  await picked.waitFor();
+  assert.equal((await picked.innerText()).split(' ·')[0], before.split(' ·')[0]);
+  await other.getByRole('button', { name: 'Stop' }).click();
+  await other.locator('#tab-history').click();
+  await other.reload();
+  await ready();
+  await other.locator('#tab-history[aria-selected=true]').waitFor();
+  await other.locator('#tab-parts').click();
+  await other.locator('.panel li .item[aria-pressed=true]', { hasText: id }).waitFor();
+  await other.close();
+});
+
+await test('goes through lines that lie on each other, and splits, merges and extends lines', async () => {
+  await page.keyboard.press('0');
+  const image = Number(await page.evaluate(() => document.body.dataset.picture)), screen = await toScreen(), segments = async () => (await ask(station.url, `pictures/${image}/lines`)).json.segments;
+  const before = await segments(), ends = before.flatMap((l) => [[l[0], l[1], l[2]], [l[0], l[3], l[4]]]), corner = ends.find((e) => ends.some((o) => o[0] !== e[0] && Math.hypot(o[1] - e[1], o[2] - e[2]) < 3));
+  assert.ok(corner, 'no two lines meet in this picture');
+  const over = screen([corner[1], corner[2]]), hover = () => page.locator('.picture .hover').getAttribute('points');
+  await page.mouse.move(over[0] + 2, over[1]);
+  await page.mouse.move(...over);
+  await page.locator('.status .hint').getByText(/line 1 of \d+ here/).waitFor();
+  const first = await hover();
+  await page.keyboard.press('Tab');
+  await page.locator('.status .hint').getByText(/line 2 of \d+ here/).waitFor();
+  assert.notEqual(await hover(), first);
+  const l = before.sort((a, b) => Math.hypot(b[3] - b[1], b[4] - b[2]) - Math.hypot(a[3] - a[1], a[4] - a[2]))[0], at = (t) => screen([l[1] + t * (l[3] - l[1]), l[2] + t * (l[4] - l[2])]);
+  const click = async (place) => { await page.mouse.move(place[0] + 1, place[1]); await page.mouse.move(...place); await page.waitForTimeout(60); await page.mouse.click(...place); };
+  await page.locator('body').press('s');
+  await click(at(0.4));
+  await until('it is split', async () => (await segments()).length === before.length + 1);
+  await page.locator('body').press('m');
+  await click(at(0.2));
+  await click(at(0.7));
+  await until('it is one line again', async () => (await segments()).length === before.length);
+  const length = (s) => Math.hypot(s[3] - s[1], s[4] - s[2]), longest = async () => Math.max(...(await segments()).map(length)), whole = await longest();
+  await page.keyboard.press('Escape');
+  await page.locator('body').press('x');
+  await click(at(0.3));
+  await click(at(0.15));
+  await until('it is shorter', async () => Math.abs((await longest()) - whole) > 1);
+  await page.keyboard.press('Escape');
+  for (let i = 0; i < 3; i++) { const was = await revision(); await page.keyboard.press('Control+z'); await until('it is undone', async () => (await revision()) > was); }
+  assert.equal((await segments()).length, before.length);
 });
 
 await test('corrects a wrong part: another kind, and back', async () => {
@@ -357,6 +459,19 @@ await test('leads through what is doubtful', async () => {
   await cut.last().getByRole('button', { name: 'Show it' }).click();
   await page.locator('.card.current').getByText(/It was split/).waitFor();
   await shot('todo');
+  // Merged, it is whole as well.
+  const half = pieces.find((p) => p.id !== whole.id);
+  await tab('parts');
+  const piece = page.locator('.panel li .item', { hasText: whole.id }).first();
+  if ((await piece.getAttribute('aria-pressed')) !== 'true') await piece.click();
+  await page.locator('body').press('j');
+  await page.getByRole('combobox', { name: 'Merge with…' }).selectOption(half.id);
+  await until('both are one', async () => (await parts()).length === count);
+  const one = (await parts()).find((p) => p.id === whole.id);
+  assert.ok(Math.abs(one.dimensions.length.value - whole.dimensions.length.value) < 1, `${one.dimensions.length.value} mm, before ${whole.dimensions.length.value}`);
+  await page.locator('#panel').press('Control+z');
+  await until('they are two again', async () => (await parts()).length === count + 1);
+  await tab('todo');
   await page.locator('body').press('Control+z');
   await until('it is whole again', async () => (await parts()).length === count);
   await until('the queue is as it was', async () => (await page.locator('.panel .card .grow').count()) === tasks);
@@ -422,6 +537,13 @@ await test('shows the 3D view, and a click on a part there selects it everywhere
     await page.getByRole('slider', { name: 'Section' }).fill('100');
     await page.getByRole('button', { name: 'Cameras', pressed: false }).click();
   }
+  // Two clicks on vertices measure their distance.
+  await page.locator('body').press('i');
+  await page.getByText('Click two vertices.').waitFor();
+  const said = () => page.locator('.scene .status').innerText();
+  for (let i = 0; i < 1200 && !/mm ± /.test(await said()); i++) await page.mouse.click(box.x + box.width * (0.2 + 0.015 * (i % 40)), box.y + box.height * (0.35 + 0.015 * Math.floor(i / 40)));
+  assert.match(await said(), /[\d.]+ mm ± [\d.]+ mm \(2σ\)/);
+  await page.locator('body').press('i');
   const one = (await parts()).find((p) => p.kind === 'box'), edge = one.edges[0], measured = (await ask(station.url, `measure?a=${one.id}:${edge[0]}&b=${one.id}:${edge[1]}`)).json;
   assert.ok(Math.abs(measured.distance - Math.hypot(...one.vertices[edge[0]].map((x, i) => x - one.vertices[edge[1]][i]))) < 1e-6 && measured.sigma > 0 && measured.sigma < 5);
   await page.locator('body').press('1');
@@ -453,7 +575,7 @@ kind = "pipe"
 dimensions = { diameter = ${2 * radius}, height = ${height}, wall = 60 }
 position = [${centre[0]}, ${centre[1]}]
 `);
-  execFileSync(vss, ['simulate', scene, '-o', join(made, 'survey')], { stdio: 'ignore' });
+  await run(vss, ['simulate', scene, '-o', join(made, 'survey')]);
   const pipe = await startStation(vss, join(made, 'survey')), other = await browser.context.newPage();
   try {
     await other.goto(pipe.url);
@@ -720,6 +842,35 @@ await test('says which picked line is which, in any order, before there is a fit
   await until('it is undone', async () => (await parts()).length === had.length);
 });
 
+await test('takes the lines in a box before there is a fit, and says which is which', async () => {
+  await page.keyboard.press('0');
+  await tab('parts');
+  await page.getByRole('button', { name: 'New part by hand' }).click();
+  await page.locator('.kinds button', { hasText: /^\s*(box|plate|Box|cuboid)/i }).first().click();
+  await page.locator('.drawing[data-current^=edge]').waitFor();
+  // About all that the part shows in this picture.
+  const screen = await toScreen(), corners = byHand.part.vertices, info = (await ask(station.url, 'survey')).json, at = corners.map((c) => pixelIn(info, byHand.image, c)), size = info.cameras[0];
+  const low = [0, 1].map((k) => Math.max(1, Math.min(...at.map((p) => p[k])) - 12)), high = [size.width, size.height].map((most, k) => Math.min(most - 2, Math.max(...at.map((p) => p[k])) + 12));
+  await page.locator('body').press('f');
+  await page.mouse.move(...screen(low));
+  await page.mouse.down();
+  await page.mouse.move(...screen(high), { steps: 4 });
+  await page.mouse.up();
+  await page.locator('.proposal').waitFor();
+  await until('the reading is fitted', async () => (await page.locator('[data-fitted]').count()) === 1);
+  await until('it is drawn in the strip', async () => (await page.locator('.strip .outline').count()) > 3);
+  await page.locator('body').press('Enter');
+  await page.locator('.proposal').waitFor({ state: 'detached' });
+  const had = (await parts()).map((p) => p.id);
+  await page.locator('body').press('Enter');
+  await until('the part is saved', async () => (await parts()).length === had.length + 1);
+  const part = (await parts()).find((p) => !had.includes(p.id)), error = truth ? Math.min(...truth.parts.map((t) => vertexError(part, t))) : vertexError(part, byHand.part);
+  console.log(`        from one box: worst vertex ${error.toFixed(2)} mm`);
+  assert.ok(error < 8, `off by ${error} mm`);
+  await page.keyboard.press('Control+z');
+  await until('it is undone', async () => (await parts()).length === had.length);
+});
+
 await test('keeps every confirmed edit when it is killed in mid-edit, and goes on', async () => {
   const target = (await parts())[0];
   assert.ok(target, 'there is no part to edit');
@@ -757,7 +908,8 @@ await test('shows two pages each other\'s edits and overwrites nothing silently'
   const target = (await parts())[0];
   assert.ok(target, 'there is no part to edit');
   const version = (await ask(station.url, 'state')).json.items.find((i) => i.id === target.id).version;
-  await other.locator('.panel li .item').first().click();
+  await other.locator('#tab-parts').click();
+  if ((await other.locator('.panel li .item').first().getAttribute('aria-pressed')) !== 'true') await other.locator('.panel li .item').first().click();
   await other.locator('.detail').getByRole('button', { name: /Confirm|Take back/ }).click();
   await until('the other page has saved', async () => (await parts())[0].confirmed !== target.confirmed);
   await tab('parts');
@@ -827,6 +979,14 @@ await test('works on a tablet', async () => {
   for (let d = 0; d <= 90; d += 15) await send('touchMove', [x + d, y + d]);
   await send('touchEnd');
   await until('one finger has moved it', async () => (await at()) !== there);
+  // Two fingers move it too.
+  await page.keyboard.press('0');
+  const still = await zoom(), whole = await at();
+  await send('touchStart', [x - 60, y], [x + 60, y]);
+  for (let d = 0; d <= 120; d += 20) await send('touchMove', [x - 60, y + d], [x + 60, y + d]);
+  await send('touchEnd');
+  await until('two fingers have moved it', async () => (await at()) !== whole);
+  assert.ok(Math.abs((await zoom()) - still) < 3, 'two fingers side by side have zoomed');
   // Held where two lines meet, it chooses between them.
   await page.keyboard.press('0');
   const image = Number(await page.evaluate(() => document.body.dataset.picture)), ends = (await ask(station.url, `pictures/${image}/lines`)).json.segments.flatMap((l) => [{ line: l[0], p: [l[1], l[2]] }, { line: l[0], p: [l[3], l[4]] }]);
@@ -840,6 +1000,43 @@ await test('works on a tablet', async () => {
   await page.locator('.chooser button').nth(1).click();
   await page.locator('.chooser').waitFor({ state: 'detached' });
   await page.setViewportSize({ width: 1280, height: 800 });
+});
+
+await test('has room for fingers on a tablet held across', async () => {
+  const tablet = await startBrowser({ viewport: { width: 1024, height: 768 }, hasTouch: true, isMobile: true }), held = await tablet.context.newPage();
+  await held.goto(station.url);
+  await held.waitForFunction(() => document.body.dataset.picture !== undefined);
+  await held.locator('.panel li .item').first().tap();
+  await held.locator('.detail table').waitFor();
+  for (const view of ['Picture', '3D']) {
+    await held.getByRole('group', { name: 'View' }).getByRole('button', { name: view, exact: true }).tap();
+    await held.waitForTimeout(300);
+    const small = await held.evaluate(() => [...document.querySelectorAll('button, select, input')].filter((e) => e.offsetParent && e.getBoundingClientRect().height < 36).map((e) => e.getAttribute('aria-label') ?? e.textContent));
+    assert.deepEqual(small, [], view);
+    assert.ok((await held.evaluate(() => document.documentElement.scrollWidth)) <= 1024, 'the page is too wide');
+  }
+  await tablet.close();
+});
+
+await test('says which picture cannot be read, and why a survey stopped', async () => {
+  const other = copySurvey(survey), info = (await ask(station.url, 'survey')).json, file = join(other, info.images[1].file);
+  writeFileSync(file, readFileSync(file).subarray(0, 2000));
+  const second = await startStation(vss, other), broken = await browser.context.newPage();
+  await broken.addInitScript(() => localStorage.removeItem('vss.page'));
+  await broken.goto(second.url);
+  await broken.waitForFunction(() => document.body.dataset.picture !== undefined);
+  await broken.locator('.strip').getByText('cannot be read').waitFor();
+  await broken.locator('.strip button').nth(1).click();
+  await broken.locator('.picture .cannot').waitFor();
+  await broken.locator('.strip button').nth(2).click();
+  await broken.locator('.picture .cannot').waitFor({ state: 'detached' });
+  await broken.locator('#run').click();
+  await broken.locator('.failure').getByText(/The survey stopped: .*copy the file again/).waitFor({ timeout: 60000 });
+  await broken.getByRole('button', { name: 'Close this message' }).click();
+  await broken.locator('.failure').waitFor({ state: 'detached' });
+  await broken.close();
+  await second.kill();
+  rmSync(other, { recursive: true, force: true });
 });
 
 await test("the manual's pictures show this page (make them anew with the target manual_images, and commit them)", async () => {

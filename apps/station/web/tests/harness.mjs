@@ -28,12 +28,13 @@ export async function startStation(vss, folder, args = []) {
   return { url, child, kill: async (signal = 'SIGTERM') => { child.kill(signal); await ended; } };
 }
 
-export async function startBrowser() {
+// `like`: what the browser is to be like otherwise, such as a tablet.
+export async function startBrowser(like = {}) {
   const executablePath = process.env.VSS_CHROMIUM ?? '/usr/bin/chromium';
   if (!existsSync(executablePath)) return null;
   const profile = mkdtempSync(join(tmpdir(), 'vss-chromium-'));
   const context = await chromium.launchPersistentContext(profile, {
-    executablePath, headless: true, viewport: { width: 1280, height: 800 }, serviceWorkers: 'block',
+    executablePath, headless: true, viewport: { width: 1280, height: 800 }, serviceWorkers: 'block', ...like,
     args: ['--no-sandbox', '--disable-gpu', '--disable-background-networking', '--no-first-run', '--enable-unsafe-swiftshader'],
   });
   // The share of two JPEG pictures that differs: blocks of 4 x 4 px whose mean grey values are more than 20 apart, of 255.
