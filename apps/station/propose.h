@@ -24,10 +24,11 @@ struct Proposal {
 
 // Identification asked for one kind: of the hypotheses that start from a picked line in the pictures that
 // show the place, those on whose visible contours all picks lie, fitted to the picks, and what they are where
-// a pick lies on two contours at once and is the other; by how much the lines speak for them. Where several pictures find none, the pictures with picks are asked one by one. The picks'
-// contours are not looked at. `some`: picks that are not the object's are left out, as long as most are its own
-// (a box about it holds shadows, too). `lines_of`: the lines of pictures, by index into `views`. Errors: no pick, more
-// than kMaxProposed, or no reading explains the picks.
+// a pick lies on two contours at once and is the other; by how much the lines speak for them. Where several
+// pictures find none, the pictures with picks are asked one by one. The picks' contours are not looked at.
+// `some`: picks that are not the object's are left out, as long as most are its own (a box about it holds
+// shadows, too). `lines_of`: the lines of pictures, by index into `views`. Errors: no pick, more than
+// kMaxProposed, or no reading explains the picks.
 inline constexpr std::size_t kMaxProposed = 16;
 Result<Proposal> ProposeContours(
     const FitQuestion& question, const std::vector<View>& views,

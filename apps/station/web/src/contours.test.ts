@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { contourAt, nextContour, samePlace } from './contours';
+import { contourAt, millimetresOf, nextContour, samePlace } from './contours';
 import type { Piece } from './types';
 
 const edge = (index: number, points: number[], hidden = false): Piece => ({ source: 'edge', index, hidden, points });
@@ -26,4 +26,8 @@ test('the next contour is one that the present picture shows', () => {
   const drawing = [edge(0, [0, 0, 100, 0]), edge(1, [0, 50, 90, 50]), edge(2, [0, 0, 0, 50])];
   expect(nextContour(drawing, [], null)).toEqual({ index: 0, circle: false });
   expect(nextContour(drawing, [], null, [edge(1, [0, 0, 9, 0]), edge(0, [0, 0, 9, 0], true)])).toEqual({ index: 1, circle: false });
+});
+test('a length is taken with a point or a comma, and nothing else is', () => {
+  expect([' 12.5 ', '12,5', '300'].map(millimetresOf)).toEqual([12.5, 12.5, 300]);
+  expect(['', 'abc', '-3', '0', '1.2.3'].map(millimetresOf)).toEqual([null, null, null, null, null]);
 });

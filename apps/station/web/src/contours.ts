@@ -67,3 +67,9 @@ export function samePlace(there: Contour, chosen: Contour, pieces: Piece[], poin
   if (there.circle === chosen.circle && there.index === chosen.index) return true;
   return distanceFrom(pieces, chosen, points) - distanceFrom(pieces, there, points) < nearPx;
 }
+
+// A length as people type it, with a point or a comma; null where it is none.
+export function millimetresOf(text: string): number | null {
+  const value = Number(text.trim().replace(',', '.'));
+  return text.trim() !== '' && Number.isFinite(value) && value > 0 ? value : null;
+}

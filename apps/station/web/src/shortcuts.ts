@@ -47,6 +47,7 @@ export function handleKey(e: KeyboardEvent, picture: (name: string) => boolean) 
   if (s.showKeys) return;  // the dialog has its own
   if (e.key === 'Escape') {
     if (s.exportOpen) s.exportOpen = false;
+    else if (s.choosing) s.choosing = '';
     else if (s.proposing) s.stopProposing();
     else if (s.tool !== 'look') s.tool = 'look';
     else if (s.proposed) s.endProposal(false);

@@ -227,7 +227,9 @@ await test('goes everywhere with the keys', async () => {
   if ((await item.getAttribute('aria-pressed')) !== 'true') await item.click();
   await page.locator('body').press('y');
   await until('the choice of kinds has the focus', async () => page.evaluate(() => document.activeElement?.getAttribute('aria-label') === 'Other kind…'));
-  await page.locator('#panel').press('y');
+  await page.keyboard.press('Escape');  // ends the choice, and the part stays selected
+  await page.getByRole('combobox', { name: 'Other kind…' }).waitFor({ state: 'detached' });
+  assert.equal(await item.getAttribute('aria-pressed'), 'true');
   await item.click();
 });
 
@@ -628,6 +630,11 @@ await test('sets a parameter, says so in the history, and takes it back', async 
   const value = async () => (await ask(station.url, 'state')).json.parameters.find((p) => p.name === name);
   const given = (await value()).default, other = given === (await value()).max ? (await value()).min : (await value()).max;
   await shot('parameters');
+  for (const wrong of [String((await value()).max * 2), '']) {  // refused; and none at all
+    await field.fill(wrong);
+    await field.press('Enter');
+    await until('the field shows what holds', async () => Number(await field.inputValue()) === given);
+  }
   await field.fill(String(other));
   await field.press('Enter');
   await until('it is set', async () => (await value()).value === other);
