@@ -225,8 +225,7 @@ Proposal BestOf(const std::vector<Reading>& sorted, const FitQuestion& question,
 
 Result<Proposal> ProposeContours(
     const FitQuestion& q, const std::vector<View>& views,
-    const std::function<std::vector<LineImage>(const std::vector<int>&)>& lines_of, int threads,
-    bool some) {
+    const std::function<std::vector<LineImage>(const std::vector<int>&)>& lines_of, int threads, bool some) {
   if (q.picks.empty()) return UsageError("no line is picked yet; click a line that belongs to the object");
   if (q.picks.size() > kMaxProposed)
     return UsageError(

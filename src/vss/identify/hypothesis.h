@@ -42,7 +42,7 @@ bool IsSlanted(const Hypothesis& hypothesis, const SeedContext& context);
 bool InRange(const PlacedObject& object, double slack_mm);
 // Does the object keep the rules of its knowledge base, to within what lines are unsure by?
 bool Allowed(const PlacedObject& object);
-// Objects of one kind that are equal to within `near_mm`, vertex by vertex in any order, and circle by circle?
+// Objects of one kind that are equal to within `near_mm`, vertex by vertex in any order, circle by circle?
 bool SamePlace(const PlacedObject& a, const PlacedObject& b, double near_mm);
 
 // How well an object that is not yet fitted agrees with the lines of some views (log-odds): to choose among

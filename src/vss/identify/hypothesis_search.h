@@ -14,7 +14,8 @@ void AddHypotheses(int support, const Explained& known, SceneData& data);
 
 // Hypotheses of the scene's templates on a support at a height, seeded from lines of which at least one is
 // among `own` (of the scene's pictures; of one picture from pairs of those, where there are any), or from any
-// where none of those is an edge of the world; of circles from any. However little speaks for them; in no order.
+// where none of those is an edge of the world; of circles from any. However little speaks for them; in no
+// particular order.
 std::vector<Hypothesis> HypothesesOn(std::span<const LineRef> own, double support_z_mm, SceneData& data);
 
 // Of all seeds of a kind from one edge of the world, the few that fit best.

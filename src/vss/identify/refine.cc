@@ -155,8 +155,9 @@ void RefineAndWeigh(Hypothesis& h, const SeedContext& context) {
     const double moved_mm = (fitted.placement.head<2>() - start.placement.head<2>()).norm();
     if (moved_mm > kFarPx * context.mm_per_px || !Allowed(fitted)) continue;
     // Fits from near and far mostly end in one place.
-    if (std::any_of(weighed.begin(), weighed.end(),
-                    [&](const PlacedObject& o) { return SamePlace(o, fitted, kStillPx * context.mm_per_px); }))
+    if (std::any_of(weighed.begin(), weighed.end(), [&](const PlacedObject& o) {
+          return SamePlace(o, fitted, kStillPx * context.mm_per_px);
+        }))
       continue;
     weighed.push_back(fitted);
     const double after = FullLogOdds(fitted, h.views, context);

@@ -332,7 +332,8 @@ std::vector<SceneChoice::Verdict> SceneChoice::Verdicts(const std::vector<int>& 
     const Ledger::Share& share = shares[n];
     const bool incomplete = share.missed >= std::max(kIncomplete, kMissedOfShown * share.shown);
     const bool mostly = share.missed >= kRefuted || share.missed_share >= kMissedLength;
-    const bool endless = share.missing_ends == 2 || (share.missing_ends == 1 && data_.items[items[n]].endless);
+    const bool endless =
+        share.missing_ends == 2 || (share.missing_ends == 1 && data_.items[items[n]].endless);
     out.push_back({share.log_odds + Relations(items[n], items) - kOpaque * data_.items[items[n]].inside,
                    incomplete, (incomplete && mostly) || endless, endless});
   }
@@ -349,9 +350,9 @@ bool SceneChoice::StandsOnRefuted(int i) const {
 // A length of a cable may be cut off anywhere: of other readings of the same one end may seem to be there.
 void SceneChoice::MarkEndless(int item) {
   for (auto& other : data_.items)
-    other.endless = other.endless ||
-                    (other.volume.box.intersects(data_.items[item].volume.box) &&
-                     SharesMoreThan(other.volume, data_.items[item].volume, kTouchMm, kSamePart));
+    other.endless =
+        other.endless || (other.volume.box.intersects(data_.items[item].volume.box) &&
+                          SharesMoreThan(other.volume, data_.items[item].volume, kTouchMm, kSamePart));
 }
 
 void SceneChoice::DropRefuted() {

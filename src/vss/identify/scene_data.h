@@ -27,9 +27,7 @@ struct SceneData {
         index(MakeSceneIndex(views, TolerancePx(views, options), threads)) {}
 
   bool IsSinglePicture() const { return views.size() == 1; }
-  SeedContext Context() const {
-    return {index, edges.lines, edges.circles, mm_per_px, kSearchViews};
-  }
+  SeedContext Context() const { return {index, edges.lines, edges.circles, mm_per_px, kSearchViews}; }
 
   std::span<const View> views;
   const IdentifyOptions& options;

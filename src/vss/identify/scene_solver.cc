@@ -88,8 +88,8 @@ void SceneSolver::SlideAccepted() {
     for (auto& h : slid[i]) data_.items.Keep(std::move(h), data_.items[candidates[i].item].support_item);
 }
 
-// What was found over a plate before the plate was known may be wrong in kind, and claims the lines of what is
-// right: each plate is searched once as if nothing stood there. False: it was, or nothing does.
+// What was found over a plate before the plate was known may be wrong in kind, and claims the lines of what
+// is right: each plate is searched once as if nothing stood there. False: it was, or nothing does.
 bool SceneSolver::SearchAfresh(int support, const std::vector<int>& known) {
   const auto room = Footprint(data_.items[support].volume.box, kOverhangPx * data_.mm_per_px);
   std::vector<int> beside;

@@ -340,7 +340,8 @@ class Seeder {
     stored_.Find({place - reach, place + reach}, near_);
     for (const int i : near_) {
       const auto& other = seeds_[std::size_t(i)];
-      if (other.determined == h.determined && SamePlace(other.object, h.object, context_.mm_per_px / 2)) return;
+      if (other.determined == h.determined && SamePlace(other.object, h.object, context_.mm_per_px / 2))
+        return;
     }
     stored_.Add({place, place});
     seeds_.push_back(std::move(h));
