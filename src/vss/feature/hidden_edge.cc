@@ -18,12 +18,11 @@ struct Bins {
   alignas(64) float along[kBins] = {}, across[kBins], grey[kBins], weight[kBins], corner[kBins],
                     residual[kBins], by_place[kBins];
   Simd simd;
-  int count = 0;           // of those with pixels
-  std::size_t padded = 0;  // to whole lanes, those behind the last with pixels left out
+  int count = 0;  // of those with pixels
 
   StripSamples Samples() {
-    return {along,    across,   grey,   weight, corner,
-            residual, by_place, padded, false,  std::numeric_limits<float>::infinity()};
+    return {along,    across,   grey,  weight, corner,
+            residual, by_place, kBins, false,  std::numeric_limits<float>::infinity()};
   }
 };
 
@@ -37,7 +36,6 @@ void FillBins(const StripProfile& p, Bins& out) {
     out.grey[k] = out.weight[k] = 0;
     if (!(p.count[k] > 0)) continue;
     ++out.count;
-    out.padded = std::size_t(k / kStripLanes + 1) * kStripLanes;
     out.grey[k] = static_cast<float>(p.contrast * Phi((t - p.offset) / p.blur)) + p.sum[k] / p.count[k];
     out.weight[k] = p.count[k];
   }

@@ -123,9 +123,7 @@ void DropRepeated(const RefineContext& x, std::vector<LineSegment>& segments, Re
   }
   std::size_t kept = 0;
   for (std::size_t i = 0; i < segments.size(); ++i)
-    if (b.kept[i])
-      b.moved[kept] = b.moved[i], b.fitted[kept] = b.fitted[i], b.explained[kept] = b.explained[i],
-      segments[kept++] = segments[i];
+    if (b.kept[i]) b.moved[kept] = b.moved[i], b.fitted[kept] = b.fitted[i], segments[kept++] = segments[i];
   segments.resize(kept), b.moved.resize(kept);
 }
 

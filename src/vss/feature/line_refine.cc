@@ -145,11 +145,7 @@ Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const Li
   constexpr double kMinGain = 25;  // of the sum of squared residuals over their
                                    // variance, for three or four more parameters
   constexpr double kMinHiddenShare = 0.05;
-  // Another edge explains at most what the residuals' means at equal t have.
-  const StripProfile& profile = b.strip.profile;
-  const double coherence = profile.Coherence();
-  if (profile.pixels * coherence < kMinGain * (profile.pixels - coherence)) return single;
-  const auto hidden = FindHiddenEdge(profile, x.simd);
+  const auto hidden = FindHiddenEdge(b.strip.profile, x.simd);
   if (!hidden || hidden->gain < kMinGain) return single;
   const StripSettings settings = SettingsFor(x, frame, s, known, corners);
   const Attempt two = FitWith(x, frame, hidden->main, &hidden->other, settings, b);
@@ -166,44 +162,19 @@ Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const Li
 
 constexpr float kNotFitted = 1e9f, kFitted = 1e8f;  // coherence of no fit; the most of one
 
-constexpr int kBlurColumns = 12;  // fewer do not tell the lens's blur
-
-// Whether a segment can tell the lens's blur: others need not be fitted before it is known.
-bool TellsBlur(const RefineContext& x, const LineSegment& s) {
-  constexpr double kMinContrast = 10;  // of the noise
-  return (s.end - s.start).norm() >= kBlurColumns &&
-         s.contrast > kMinContrast * NoiseAt(x.noise, x.image, 0.5 * (s.start + s.end));
-}
-
-// Into b.place: the longest segments that can tell the lens's blur, as many as tell it well.
-void FindTellers(const RefineContext& x, const std::vector<LineSegment>& segments, RefineBuffers& b) {
-  constexpr std::size_t kEnough = 24;  // a quantile of blurs that differ by kBlurSpread, to 3 %
-  b.place.clear();
-  for (std::size_t i = 0; i < segments.size(); ++i)
-    if (TellsBlur(x, segments[i])) b.place.push_back(static_cast<int>(i));
-  if (b.place.size() <= kEnough) return;
-  auto length2 = [&](int i) {
-    const LineSegment& s = segments[std::size_t(i)];
-    return (s.end - s.start).squaredNorm();
-  };
-  std::nth_element(b.place.begin(), b.place.begin() + kEnough, b.place.end(), [&](int i, int j) {
-    const double p = length2(i), q = length2(j);
-    return p != q ? p > q : i < j;
-  });
-  b.place.resize(kEnough);
-  std::sort(b.place.begin(), b.place.end());
-}
-
 // The lens's blur (and the pixel's) from the segments that were fitted, or 0: a low quantile, since
 // what disturbs an edge makes it wider.
 double BlurOf(const RefineContext& x, const std::vector<LineSegment>& segments, RefineBuffers& b) {
+  constexpr double kMinContrast = 10;  // of the noise
+  constexpr int kMinColumns = 12;
   constexpr std::size_t kMinSegments = 4;
   constexpr double kQuantile = 0.35;
   auto& sorted = b.strip.sorted;
   sorted.clear();
   for (std::size_t i = 0; i < segments.size(); ++i) {
     const LineSegment& s = segments[i];
-    if (b.coherence[i] <= kFitted && s.num_points >= kBlurColumns && s.blur_px > 0.2 && TellsBlur(x, s))
+    if (b.coherence[i] <= kFitted && s.num_points >= kMinColumns && s.blur_px > 0.2 &&
+        s.contrast > kMinContrast * NoiseAt(x.noise, x.image, 0.5 * (s.start + s.end)))
       sorted.push_back(static_cast<float>(std::hypot(s.blur_px, 0.28867513)));
   }
   if (sorted.size() < kMinSegments) return 0;
@@ -214,8 +185,8 @@ double BlurOf(const RefineContext& x, const std::vector<LineSegment>& segments, 
 
 enum class Look { kFirst, kLast, kAgain };
 
-// Fits segment `i` at its place in b.before; whether the fit counts. The first look is for the lens's blur;
-// those with another close beside them wait until it is known, which tells the two apart.
+// Fits segment `i` at its place in b.before; whether the fit counts. At the first look those with another
+// close beside them wait until the lens's blur is known, which tells the two apart.
 bool RefineOne(const RefineContext& x, std::size_t i, Look look, LineSegment& out, RefineBuffers& b) {
   const LineSegment& raw = b.before[i];
   const StripFrame whole = FrameOf(x.lens, raw);
@@ -238,8 +209,7 @@ bool RefineOne(const RefineContext& x, std::size_t i, Look look, LineSegment& ou
     attempt = WithHiddenEdge(x, frame, raw, known, corners, attempt, b);
   }
   out = raw;
-  b.explained[i] = attempt.fit.ok && IsExplained(attempt.fit, noise);
-  if (!passes() || (look == Look::kAgain && !b.explained[i])) return false;
+  if (!passes() || (look == Look::kAgain && !IsExplained(attempt.fit, noise))) return false;
   Apply(x.lens, whole, attempt.fit, attempt.fit.edges[attempt.index], out);
   b.coherence[i] = std::min(static_cast<float>(attempt.fit.coherence), kFitted);
   return true;
@@ -250,10 +220,9 @@ bool RefineOne(const RefineContext& x, std::size_t i, Look look, LineSegment& ou
 void RefinePlaces(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {
   b.before = segments;
   b.grid.Build(x.image, b.before);
-  b.coherence.assign(segments.size(), kNotFitted), b.explained.assign(segments.size(), 0);
+  b.coherence.assign(segments.size(), kNotFitted);
   b.blur_px = 0;
-  FindTellers(x, segments, b);
-  for (const int i : b.place) RefineOne(x, std::size_t(i), Look::kFirst, segments[std::size_t(i)], b);
+  for (std::size_t i = 0; i < segments.size(); ++i) RefineOne(x, i, Look::kFirst, segments[i], b);
   b.moved.assign(segments.size(), 1), b.fitted.resize(segments.size());
   b.blur_px = BlurOf(x, segments, b);
   constexpr double kUsual = 1.4;  // a blur within this factor of the lens's needs no second look
@@ -265,14 +234,12 @@ void RefinePlaces(const RefineContext& x, std::vector<LineSegment>& segments, Re
   }
 }
 
-// Where the model did not explain the pixels before, it does not when the segment has grown.
 void RefineGrown(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {
   b.before = segments;
   b.grid.Build(x.image, b.before);
   b.coherence.assign(segments.size(), kNotFitted);
   for (std::size_t i = 0; i < segments.size(); ++i)
-    if (b.moved[i] && (b.moved[i] = b.explained[i] && RefineOne(x, i, Look::kAgain, segments[i], b)))
-      b.fitted[i] = 1;
+    if (b.moved[i] && (b.moved[i] = RefineOne(x, i, Look::kAgain, segments[i], b))) b.fitted[i] = 1;
 }
 
 }  // namespace vss

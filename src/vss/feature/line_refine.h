@@ -21,10 +21,9 @@ struct RefineBuffers {
   std::vector<StripNeighbour> neighbours;
   std::vector<LineSegment> before;
   SegmentGrid grid;
-  double blur_px = 0;           // of lens and pixel, as most segments have it; 0: not known
-  std::vector<char> moved;      // since the ends were looked for; or its ends since it was fitted
-  std::vector<char> fitted;     // stands where a fit has put it
-  std::vector<char> explained;  // the last fit left no more than the noise
+  double blur_px = 0;        // of lens and pixel, as most segments have it; 0: not known
+  std::vector<char> moved;   // since the ends were looked for; or its ends since it was fitted
+  std::vector<char> fitted;  // stands where a fit has put it
   std::vector<char> kept;
   std::vector<int> place;
   std::vector<float> coherence;  // of the fit's residuals

@@ -6,7 +6,7 @@ namespace vss {
 namespace {
 
 using Floats = float __attribute__((vector_size(kStripLanes * sizeof(float))));
-using Fours = float __attribute__((vector_size(4 * sizeof(float))));
+using Doubles = double __attribute__((vector_size(kStripLanes / 2 * sizeof(double))));
 using Ints = std::int32_t __attribute__((vector_size(kStripLanes * sizeof(float))));
 
 // exp(-y), y >= 0, to 2e-7 relative, by powers of two and a polynomial of the rest; not below exp(-25), since
@@ -51,13 +51,6 @@ using Ints = std::int32_t __attribute__((vector_size(kStripLanes * sizeof(float)
     OUT = (Floats)bits_;                                                      \
     for (int i_ = 0; i_ < 3; ++i_) OUT = OUT * (1.5f - 0.5f * (X)*OUT * OUT); \
   }
-
-// Of Gauss-Newton with P parameters: the upper triangle, the gradient, squares and weight, and what fills
-// them up to a multiple of four.
-template <int P>
-constexpr int NumSums() {
-  return (P * (P + 1) / 2 + P + 2 + 3) / 4 * 4;
-}
 
 enum class Level { kPortable, kAvx2, kAvx512 };
 
