@@ -54,12 +54,11 @@ void SceneChoice::Enter() {
 // is not seen of it.
 void SceneChoice::Value(SceneItem& item) {
   const Ledger::Share share = ledger_.Alone(item.candidate);
-  item.inside = EdgesInside(item);
-  const double opaque = -kOpaque * item.inside;
-  const double others = MostOfRelations(*item.h.object.model) + opaque;
-  item.alone = Stands(share, others) ? share.log_odds + opaque : 0;
+  item.by_world = (HasRoundEdge(item) ? kOpaque : 0) - kOpaque * EdgesInside(item);
+  const double others = MostOfRelations(*item.h.object.model) + item.by_world;
+  item.alone = Stands(share, others) ? share.log_odds + item.by_world : 0;
   if (item.h.log_odds + others >= data_.options.accept_log_odds)
-    item.alone = std::max(item.alone, item.h.log_odds + opaque);
+    item.alone = std::max(item.alone, item.h.log_odds + item.by_world);
 }
 
 // How many edges of the world run inside the item: it is opaque, and were it there, nobody could see them.
@@ -85,6 +84,20 @@ int SceneChoice::EdgesInside(const SceneItem& item) const {
     count += inside >= kMost;
   }
   return count;
+}
+
+// Is a rim of the item where arcs of many pictures meet in one circle of the world? A plate without the hole
+// would leave that circle unexplained. Of one round edge lines are found on both sides of its shadow.
+bool SceneChoice::HasRoundEdge(const SceneItem& item) const {
+  constexpr double kNearPx = 3;
+  constexpr int kManyViews = 5;
+  const double near = kNearPx * data_.mm_per_px;
+  return std::any_of(item.circles.begin(), item.circles.end(), [&](const WorldSolid::Circle& rim) {
+    return std::any_of(data_.edges.circles.begin(), data_.edges.circles.end(), [&](const WorldCircle& c) {
+      return c.num_views >= kManyViews && (c.center - rim.center.point).norm() < near &&
+             std::abs(c.radius_mm - rim.radius_mm) < near;
+    });
+  });
 }
 
 bool SceneChoice::Stands(const Ledger::Share& share, double relations) const {
@@ -157,7 +170,7 @@ double SceneChoice::TotalOfGroup(const std::vector<int>& items) {
   double total = 0;
   const auto shares = ledger_.Weigh(candidates);
   for (std::size_t n = 0; n < items.size(); ++n) {
-    const double others = Relations(items[n], items) - kOpaque * data_.items[items[n]].inside;
+    const double others = Relations(items[n], items) + data_.items[items[n]].by_world;
     total += (Stands(shares[n], others) ? shares[n].log_odds + others : 0) - data_.options.accept_log_odds;
     for (std::size_t m = 0; m < n; ++m)
       if (data_.items.Flush(items[m], items[n])) total -= kFlush;
@@ -334,8 +347,8 @@ std::vector<SceneChoice::Verdict> SceneChoice::Verdicts(const std::vector<int>& 
     const bool mostly = share.missed >= kRefuted || share.missed_share >= kMissedLength;
     const bool endless =
         share.missing_ends == 2 || (share.missing_ends == 1 && data_.items[items[n]].endless);
-    out.push_back({share.log_odds + Relations(items[n], items) - kOpaque * data_.items[items[n]].inside,
-                   incomplete, (incomplete && mostly) || endless, endless});
+    out.push_back({share.log_odds + Relations(items[n], items) + data_.items[items[n]].by_world, incomplete,
+                   (incomplete && mostly) || endless, endless});
   }
   return out;
 }

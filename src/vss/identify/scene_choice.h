@@ -56,6 +56,7 @@ class SceneChoice {
   void Enter();
   void Value(SceneItem& item);
   int EdgesInside(const SceneItem& item) const;
+  bool HasRoundEdge(const SceneItem& item) const;
   bool StandsOnRefuted(int i) const;
   void MarkEndless(int item);
   bool Stands(const Ledger::Share& share, double relations) const;

@@ -25,7 +25,7 @@ struct SceneItem {
   int serial = 0;        // no two hypotheses kept have the same, though one take the other's place
   int candidate = -1;    // of the ledger
   double alone = NAN;    // log-odds before the choice; 0: it stands nowhere
-  int inside = 0;        // edges of the world that run inside it, see SceneChoice
+  double by_world = 0;   // log-odds of what edges of the world say of it, see SceneChoice
   bool refuted = false;  // see SceneChoice::DropRefuted()
   bool endless = false;  // it lies where something without ends does
   std::optional<std::vector<LineRef>> claimed;  // lines on its visible contour, once somebody asked
