@@ -135,9 +135,10 @@ class Search {
         return h.first_line < 0 ? 2 : starts[std::size_t(h.first_line)] + starts[std::size_t(h.second_line)];
       };
       // One picture shows every pair at every height: where two of the own lines make a pair, others wait.
-      const bool pairs_of_own =
-          data_.IsSinglePicture() && own_ &&
-          std::any_of(seeds.begin(), seeds.end(), [&](const Hypothesis& h) { return started(h) == 2; });
+      const bool pairs_of_own = data_.IsSinglePicture() && own_ &&
+                                std::any_of(seeds.begin(), seeds.end(), [&](const Hypothesis& h) {
+                                  return h.first_line >= 0 && started(h) == 2;
+                                });
       std::erase_if(seeds, [&](const Hypothesis& h) { return started(h) < (pairs_of_own ? 2 : 1); });
       std::move(seeds.begin(), seeds.end(), std::back_inserter(by_template_[i]));
     });

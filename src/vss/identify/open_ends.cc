@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace vss {
 namespace {
-
-using Eigen::Vector3d;
 
 // Of 123 pairs of ends of true parts, drawn and rendered, the one that was found better was found on 0.28 of
 // its length at least; of six lengths of cable taken for bars on 0.18 at most.
@@ -30,7 +29,10 @@ bool IsMissing(const EdgeShown& end) {
   return end.num_views >= kLeastViews && end.open_px >= kLeastPx * end.num_views && end.Share() < kMissing;
 }
 
-}  // namespace
+// Two upright plane faces that look away from each other, and the edges that run from one to the other.
+struct OppositeEnds {
+  EdgeShown ends[2], sides;
+};
 
 std::vector<OppositeEnds> FindOppositeEnds(const WorldSolid& solid, std::span<const EdgeShown> by_edge) {
   constexpr double kOpposite = -0.999;  // cosine
@@ -62,6 +64,8 @@ std::vector<OppositeEnds> FindOppositeEnds(const WorldSolid& solid, std::span<co
     }
   return out;
 }
+
+}  // namespace
 
 int MissingEnds(const WorldSolid& solid, std::span<const EdgeShown> by_edge) {
   int most = 0;

@@ -1,7 +1,6 @@
 // Parts whose ends no picture shows: a length of cable, or of what paint and shadows draw, taken for a bar.
 #pragma once
 #include <span>
-#include <vector>
 
 #include "vss/identify/placed_object.h"
 
@@ -14,12 +13,6 @@ struct EdgeShown {
 
   double Share() const { return open_px > 0 ? supported_px / open_px : 0; }
 };
-
-// Two upright plane faces that look away from each other, and the edges that run from one to the other.
-struct OppositeEnds {
-  EdgeShown ends[2], sides;
-};
-std::vector<OppositeEnds> FindOppositeEnds(const WorldSolid& solid, std::span<const EdgeShown> by_edge);
 
 // How many of two opposite ends, large enough to be found in several pictures, are not found though lines are
 // on the sides between them: of those two that lack most, 0 to 2. `by_edge`: of the solid's edges.

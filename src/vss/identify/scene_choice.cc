@@ -90,6 +90,7 @@ int SceneChoice::EdgesInside(const SceneItem& item) const {
 // would leave that circle unexplained. Of one round edge lines are found on both sides of its shadow.
 bool SceneChoice::HasRoundEdge(const SceneItem& item) const {
   constexpr double kNearPx = 3;
+  // In two drawn scenes all that as many pictures agreed on were rims; two or three agree by chance, too.
   constexpr int kManyViews = 5;
   const double near = kNearPx * data_.mm_per_px;
   return std::any_of(item.circles.begin(), item.circles.end(), [&](const WorldSolid::Circle& rim) {

@@ -89,6 +89,15 @@ class Examples : public testing::Test {
     return result;
   }
 
+  // A part of the scene on the ground; `position` in mm, yaw in degrees. `more`: further lines.
+  static std::string PartText(const std::string& id, const std::string& kind, const std::string& dimensions,
+                              const std::string& position, double yaw_deg, const std::string& more = "") {
+    return fmt::format(
+        "[[part]]\nid = \"{}\"\nkind = \"{}\"\ndimensions = {{ {} }}\nposition = [{}]\nyaw = {}\n"
+        "albedo = 0.5\n{}\n",
+        id, kind, dimensions, position, yaw_deg, more);
+  }
+
   static std::string Example(const std::string& name) {
     return "\"" + (fs::path(VSS_SOURCE_DIR) / "examples" / "knowledge" / name).string() + "\"";
   }
@@ -111,43 +120,21 @@ class Examples : public testing::Test {
 };
 
 TEST_F(Examples, AnUShapedTroughIsFoundFromItsTextAlone) {
-  const auto s = Survey(kLowRig, "[\"box\", " + Example("trough.kb") + "]", R"(
-[[part]]
-id = "trough"
-kind = "trough"
-dimensions = { length = 700, bottom = 220, top = 380, height = 160, wall = 25 }
-position = [1050, 950]
-yaw = 20
-albedo = 0.5
-[[part]]
-id = "plate"
-kind = "box"
-dimensions = { length = 400, width = 250, height = 40 }
-position = [1400, 500]
-yaw = -35
-albedo = 0.45
-)");
+  const auto s =
+      Survey(kLowRig, "[\"box\", " + Example("trough.kb") + "]",
+             PartText("trough", "trough", "length = 700, bottom = 220, top = 380, height = 160, wall = 25",
+                      "1050, 950", 20) +
+                 PartText("plate", "box", "length = 400, width = 250, height = 40", "1400, 500", -35));
   ASSERT_TRUE(s) << s.error().message;
   ExpectAllFound(*s);
 }
 
 TEST_F(Examples, ABulbFlatIsFoundFromItsTextAloneAndHasItsSize) {
-  const auto s = Survey(kLowRig, "[\"box\", " + Example("bulb_flat.kb") + "]", R"(
-[[part]]
-id = "bulb"
-kind = "bulb_flat"
-dimensions = { length = 900, height = 430, thickness = 20, bulb = 62, nose = 40 }
-position = [1200, 850]
-yaw = 65
-albedo = 0.5
-[[part]]
-id = "block"
-kind = "box"
-dimensions = { length = 400, width = 300, height = 60 }
-position = [800, 500]
-yaw = 15
-albedo = 0.45
-)");
+  const auto s =
+      Survey(kLowRig, "[\"box\", " + Example("bulb_flat.kb") + "]",
+             PartText("bulb", "bulb_flat", "length = 900, height = 430, thickness = 20, bulb = 62, nose = 40",
+                      "1200, 850", 65) +
+                 PartText("block", "box", "length = 400, width = 300, height = 60", "800, 500", 15));
   ASSERT_TRUE(s) << s.error().message;
   ExpectAllFound(*s);
   ASSERT_TRUE(s->PartOf("bulb"));
@@ -157,66 +144,34 @@ albedo = 0.45
 }
 
 TEST_F(Examples, APlateWithANotchIsFoundFromItsTextAlone) {
-  const auto s = Survey(kHighRig, "[\"box\", " + Example("notched_plate.kb") + "]", R"(
-[[part]]
-id = "notched"
-kind = "notched_plate"
-dimensions = { length = 1000, width = 600, height = 40, notch_length = 260, notch_depth = 160, notch_x = -120 }
-position = [1000, 850]
-yaw = 12
-albedo = 0.5
-[[part]]
-id = "plain"
-kind = "box"
-dimensions = { length = 500, width = 350, height = 30 }
-position = [1850, 700]
-yaw = 70
-albedo = 0.45
-)");
+  const auto s = Survey(
+      kHighRig, "[\"box\", " + Example("notched_plate.kb") + "]",
+      PartText(
+          "notched", "notched_plate",
+          "length = 1000, width = 600, height = 40, notch_length = 260, notch_depth = 160, notch_x = -120",
+          "1000, 850", 12) +
+          PartText("plain", "box", "length = 500, width = 350, height = 30", "1850, 700", 70));
   ASSERT_TRUE(s) << s.error().message;
   ExpectAllFound(*s);
 }
 
 TEST_F(Examples, ThePiecesOfASlantedCutAreFoundFromTheirTextAloneWhicheverWayTheyAreCut) {
-  const auto s = Survey(kHighRig, "[\"box\", " + Example("slanted_plate.kb") + "]", R"(
-[[part]]
-id = "left"
-kind = "slanted_plate"
-dimensions = { length = 900, width = 450, height = 60, slant = 260 }
-position = [800, 850]
-yaw = 12
-albedo = 0.5
-[[part]]
-id = "right"
-kind = "slanted_plate"
-features = ["mirrored"]
-dimensions = { length = 700, width = 350, height = 50, slant = 180 }
-position = [1700, 800]
-yaw = 70
-albedo = 0.45
-)");
+  const auto s =
+      Survey(kHighRig, "[\"box\", " + Example("slanted_plate.kb") + "]",
+             PartText("left", "slanted_plate", "length = 900, width = 450, height = 60, slant = 260",
+                      "800, 850", 12) +
+                 PartText("right", "slanted_plate", "length = 700, width = 350, height = 50, slant = 180",
+                          "1700, 800", 70, R"(features = ["mirrored"])"));
   ASSERT_TRUE(s) << s.error().message;
   ExpectAllFound(*s);
 }
 
 TEST_F(Examples, StiffenersWithAndWithoutSnipesAreToldApart) {
-  const auto s = Survey(kLowRig, "[" + Example("stiffener.kb") + "]", R"(
-[[part]]
-id = "sniped"
-kind = "stiffener"
-features = ["sniped"]
-dimensions = { length = 800, height = 240, thickness = 40, snipe = 110 }
-position = [1100, 1050]
-yaw = 10
-albedo = 0.5
-[[part]]
-id = "plain"
-kind = "stiffener"
-dimensions = { length = 700, height = 180, thickness = 40 }
-position = [1300, 550]
-yaw = -15
-albedo = 0.45
-)");
+  const auto s = Survey(
+      kLowRig, "[" + Example("stiffener.kb") + "]",
+      PartText("sniped", "stiffener", "length = 800, height = 240, thickness = 40, snipe = 110", "1100, 1050",
+               10, R"(features = ["sniped"])") +
+          PartText("plain", "stiffener", "length = 700, height = 180, thickness = 40", "1300, 550", -15));
   ASSERT_TRUE(s) << s.error().message;
   ExpectAllFound(*s);
   EXPECT_THAT(s->PartOf("sniped")->features, testing::ElementsAre("sniped"));
@@ -224,23 +179,12 @@ albedo = 0.45
 }
 
 TEST_F(Examples, APartOfAKindThatIsNotKnownIsReportedUnknown) {
-  const auto s = Survey(kHighRig, "[\"box\", \"tee\"]", R"(
-[[part]]
-id = "tee"
-kind = "tee"
-dimensions = { length = 800, width = 220, height = 300, web = 20, flange = 20 }
-position = [1000, 950]
-yaw = 20
-albedo = 0.5
-[[part]]
-id = "plate"
-kind = "box"
-dimensions = { length = 400, width = 250, height = 40 }
-position = [1500, 500]
-yaw = -35
-albedo = 0.45
-)",
-                        {"box"});
+  const auto s =
+      Survey(kHighRig, "[\"box\", \"tee\"]",
+             PartText("tee", "tee", "length = 800, width = 220, height = 300, web = 20, flange = 20",
+                      "1000, 950", 20) +
+                 PartText("plate", "box", "length = 400, width = 250, height = 40", "1500, 500", -35),
+             {"box"});
   ASSERT_TRUE(s) << s.error().message;
   ASSERT_EQ(s->product.parts.size(), 1u);
   EXPECT_NE(s->PartOf("plate"), nullptr);
