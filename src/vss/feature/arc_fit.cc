@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <bit>
+#include <limits>
 #include <optional>
 
 #include "vss/feature/arc_curve.h"
@@ -26,7 +27,7 @@ constexpr double kMaxScale = 2;    // px (ideal) of one as taken: a lens that st
 constexpr double kPixelVariance = 1.0 / 12;
 
 // What the sectors of the strip about the contour leave between other edges; t towards the bright side.
-constexpr int kSectors = 64;
+constexpr int kSectors = kArcSectors;
 int SectorOf(double around) { return std::min(kSectors - 1, static_cast<int>(around * (kSectors / 4.0))); }
 
 class ArcFit {
@@ -51,7 +52,7 @@ class ArcFit {
     const int before = Supported(SectorOf(from), -1), behind = Supported(SectorOf(to), +1);
     if (before + behind == 0) return false;
     const double covered = to - from > 0 ? to - from : to - from + 4;
-    if (covered * (kSectors / 4.0) + before + behind >= kSectors - 2) {
+    if (covered * (kSectors / 4.0) + before + behind >= kSectors - 1 - MaxGap()) {
       arc.ideal_from_rad = 0, arc.ideal_to_rad = 2 * kPi;
       return true;
     }
@@ -66,9 +67,8 @@ class ArcFit {
   // Moves `arc` to its place; false where the fit fails, and `arc` is as it was.
   bool Apply(EllipticalArc& arc) {
     if (!Fit()) return false;
-    const Ellipse raw = EllipseOf(arc);
     Ellipse e = curve_.ellipse;
-    if (!IsNear(raw, e, arc.contrast)) return false;
+    if (!IsNear(arc, e)) return false;
     if (e.axes.x() < e.axes.y()) {
       std::swap(e.axes.x(), e.axes.y());
       e.angle_rad += kPi / 2;
@@ -100,13 +100,21 @@ class ArcFit {
     double low, high;
   };
 
+  // How many sectors may lie between edge points of one contour: chains step over a hole of one pixel.
+  int MaxGap() const {
+    constexpr double kGapPx = 3;
+    const double sector_px = 2 * kPi * std::sqrt(0.5 * (curve_.a2 + curve_.b2)) / kSectors;
+    return std::max(1, static_cast<int>(std::ceil(kGapPx / sector_px)));
+  }
+
   // How many sectors beyond `k` in direction `step` have points on the contour.
   int Supported(int k, int step) const {
+    const int max_gap = MaxGap();
     int reached = 0;
     for (int i = 1; i < kSectors; ++i) {
       if (on_[(k + step * i + kSectors) % kSectors])
         reached = i;
-      else if (i > reached + 1)
+      else if (i > reached + max_gap)
         break;
     }
     return reached;
@@ -118,42 +126,77 @@ class ArcFit {
     return quarter * kPi / 2 + std::atan2(f, 1 - f);
   }
 
-  // The fit stays near what the edge points told.
-  bool IsNear(const Ellipse& raw, const Ellipse& e, double raw_contrast) const {
-    constexpr double kMaxMovePx = 1, kMinContrastShare = 0.3, kMaxContrastShare = 3;
-    if (!(e.axes.minCoeff() > 1) || !(model_.contrast[0] > kMinContrastShare * raw_contrast) ||
-        !(model_.contrast[0] < kMaxContrastShare * raw_contrast))
+  // The fit stays near what the arc was before, as far as that is known: an arc that has grown knows little
+  // of where it goes on.
+  bool IsNear(const EllipticalArc& before, const Ellipse& e) const {
+    constexpr double kMaxMovePx = 1, kSigmas = 3, kMostPx = 3, kMinContrastShare = 0.3, kMaxContrastShare = 3;
+    if (!(e.axes.minCoeff() > 1) || !(model_.contrast[0] > kMinContrastShare * before.contrast) ||
+        !(model_.contrast[0] < kMaxContrastShare * before.contrast))
       return false;
-    const ArcCurve before(raw);
+    const ArcCurve curve(EllipseOf(before));
     for (int i = 0; i < kSectors; ++i) {
       const Vector2d p = e.PointAt(2 * kPi * i / kSectors);
-      const auto place = before.At(p, 0);
-      if (range_.Has(place.around) && !(std::abs(place.distance) < kMaxMovePx)) return false;
+      const auto place = curve.At(p, kMostPx);
+      if (!range_.Has(place.around)) continue;
+      const double variance = place.by_ellipse.dot(before.covariance * place.by_ellipse);
+      if (!(std::abs(place.distance) < std::clamp(kSigmas * std::sqrt(variance), kMaxMovePx, kMostPx)))
+        return false;
     }
     return true;
   }
 
-  // Calls visit(u, first, last) for each row's pixels in the ring of the contour, as taken.
-  template <class Visit>
-  void ForRing(const Visit& visit) const {
+  // A part of the plane (ideal).
+  struct Box {
+    Vector2d low, high;
+  };
+
+  // Where the part of the contour lies that takes part, and what lies between it and the centre.
+  Box SeenBox() const {
     const Ellipse& e = curve_.ellipse;
+    if (whole_) return EllipseBox();
+    constexpr int kPlaces = 24;
+    const double from = e.ParameterOf(first_);
+    double length = e.ParameterOf(last_) - from;
+    if (length <= 0) length += 2 * kPi;
+    Box box{e.center, e.center};
+    for (int i = 0; i <= kPlaces; ++i) {
+      const Vector2d p = e.PointAt(from + length * i / kPlaces);
+      box.low = box.low.cwiseMin(p), box.high = box.high.cwiseMax(p);
+    }
+    const double beyond = e.axes.x() * (1 - std::cos(0.5 * length / kPlaces));  // of their chords
+    return {box.low.array() - beyond, box.high.array() + beyond};
+  }
+
+  Box EllipseBox() const {
     const double c2 = curve_.cs * curve_.cs, s2 = curve_.sn * curve_.sn;
+    const Vector2d reach(std::sqrt(curve_.a2 * c2 + curve_.b2 * s2),
+                         std::sqrt(curve_.a2 * s2 + curve_.b2 * c2));
+    return {curve_.ellipse.center - reach, curve_.ellipse.center + reach};
+  }
+
+  // Calls visit(u, first, last) for each row's pixels in the ring of the contour, as taken, where it lies in
+  // `box`.
+  template <class Visit>
+  void ForRing(const Box& box, const Visit& visit) const {
+    const Ellipse& e = curve_.ellipse;
     // A distorting lens moves the ring: rows and columns of the shifted places, with room for what the shift
     // changes.
     const double spare = s_.lens ? 3 : 1;
     const Vector2d shift = s_.lens ? Vector2d(s_.Img(e.center) - e.center) : Vector2d(0, 0);
-    const double reach_v = std::sqrt(curve_.a2 * s2 + curve_.b2 * c2), bend = s_.lens ? Bend(shift) : 0;
+    const double bend = s_.lens ? Bend(shift) : 0;
     const double grow = kReachPx + spare + bend;
     const Vector2d center = e.center + shift;
-    const int v0 = std::max(0, int(std::floor(center.y() - reach_v - grow))),
-              v1 = std::min(s_.image.height - 1, int(std::ceil(center.y() + reach_v + grow)));
+    const Vector2d low = (box.low + shift).array() - grow, high = (box.high + shift).array() + grow;
+    const int u0 = int(std::floor(std::max(0.0, low.x()))), v0 = int(std::floor(std::max(0.0, low.y()))),
+              u1 = int(std::ceil(std::min(s_.image.width - 1.0, high.x()))),
+              v1 = int(std::ceil(std::min(s_.image.height - 1.0, high.y())));
     const Ellipse outer{center, e.axes + Vector2d::Constant(grow), e.angle_rad},
         inner{center, e.axes - Vector2d::Constant(grow), e.angle_rad};
     for (int v = v0; v <= v1; v += row_step_) {
       const auto wide = Row(outer, v);
       if (!wide) continue;
-      const int first = std::max(0, int(std::ceil(wide->x()))),
-                last = std::min(s_.image.width - 1, int(std::floor(wide->y())));
+      const int first = std::max(u0, int(std::ceil(wide->x()))),
+                last = std::min(u1, int(std::floor(wide->y())));
       const auto hole = inner.axes.minCoeff() > 1 ? Row(inner, v) : std::nullopt;
       if (!hole) {
         visit(v, first, last);
@@ -203,7 +246,7 @@ class ArcFit {
     constexpr double kOnPx = 1, kSameSide = 0.8;    // of a point on the contour; cosine to its normal
     const double own = std::max(1.5, 1.5 * blur_);  // px: nearer points are the contour's own
     const PointMap& map = s_.b.chains.map;
-    ForRing([&](int v, int first, int last) {
+    ForRing(EllipseBox(), [&](int v, int first, int last) {
       for (int u = first; u <= last;) {
         const PointMap::Word& w = map.word[std::size_t(v) * map.words + (std::size_t(u) >> 6)];
         const std::uint64_t rest = w.all >> (u & 63);
@@ -245,49 +288,80 @@ class ArcFit {
     const Ellipse& e = curve_.ellipse;
     const ArcShape shape{static_cast<float>(curve_.cs), static_cast<float>(curve_.sn),
                          static_cast<float>(e.axes.x()), static_cast<float>(e.axes.y())};
+    const ArcWindows windows = Windows();
     b_.Clear();
     ArcPlaces places;
-    alignas(64) float du[kStripLanes] = {}, dv[kStripLanes] = {};
-    ForRing([&](int v, int first, int last) {
+    alignas(64) float du[kStripLanes], dv[kStripLanes], scale[kStripLanes];
+    std::fill_n(scale, kStripLanes, static_cast<float>(sign_));
+    ForRing(SeenBox(), [&](int v, int first, int last) {
       for (int u = first; u <= last; u += kStripLanes) {
         const int lanes = std::min(kStripLanes, last - u + 1);
-        for (int i = 0; i < lanes; ++i) {
-          const Vector2d d = Ideal(u + i, v) - e.center;
-          du[i] = static_cast<float>(d.x()), dv[i] = static_cast<float>(d.y());
-        }
+        PlaceFromCenter(u, v, lanes, du, dv);
         PlaceOnArc(du, dv, shape, sloped, s_.b.edges.simd, places);
-        for (int i = 0; i < lanes; ++i) TakePixel(u + i, v, du[i], dv[i], i, places);
+        if (s_.lens) FillScale(u, v, lanes, du, dv, places, scale);
+        TakeLot(u, v, lanes, du, dv, places, scale, windows);
       }
     });
-    b_.Pad();
   }
 
-  // Lane i of `places`, (du, dv) from the centre: takes part where it lies in its sector's window.
-  void TakePixel(int u, int v, float du, float dv, int i, const ArcPlaces& places) {
-    float scale = static_cast<float>(sign_);
-    if (!(std::abs(places.distance[i]) <= kMaxScale * kReachPx) || !range_.Has(places.around[i])) return;
-    if (s_.lens) {
-      const Vector2d ideal = curve_.ellipse.center + Vector2d(du, dv);
-      scale *= static_cast<float>(Scale(u, v, ideal, {places.normal_u[i], places.normal_v[i]}));
+  // From the ellipse's centre (ideal); the lanes that are left lie nowhere.
+  void PlaceFromCenter(int u, int v, int lanes, float* du, float* dv) const {
+    const Vector2d& c = curve_.ellipse.center;
+    const auto u0 = static_cast<float>(u - c.x()), v0 = static_cast<float>(v - c.y());
+    for (int i = 0; i < kStripLanes; ++i) du[i] = u0 + static_cast<float>(i), dv[i] = v0;
+    for (int i = 0; s_.lens && i < lanes; ++i) {
+      const Vector2d d = s_.b.grid.Ideal(u + i, v) - c;
+      du[i] = static_cast<float>(d.x()), dv[i] = static_cast<float>(d.y());
     }
-    const float t = scale * places.distance[i];
-    const int sector = SectorOf(places.around[i]);
-    if (!(std::abs(t) <= kReachPx) || dropped_[sector] || t < window_[sector].low || t > window_[sector].high)
-      return;
+    for (int i = lanes; i < kStripLanes; ++i) du[i] = std::numeric_limits<float>::quiet_NaN();
+  }
+
+  void FillScale(int u, int v, int lanes, const float* du, const float* dv, const ArcPlaces& places,
+                 float* scale) const {
+    for (int i = 0; i < lanes; ++i) {
+      if (!(std::abs(places.distance[i]) <= kMaxScale * kReachPx)) continue;
+      const Vector2d ideal = curve_.ellipse.center + Vector2d(du[i], dv[i]);
+      scale[i] = static_cast<float>(sign_ * Scale(u + i, v, ideal, {places.normal_u[i], places.normal_v[i]}));
+    }
+  }
+
+  // What of the pixels lies in its sector's window.
+  void TakeLot(int u, int v, int lanes, const float* du, const float* dv, const ArcPlaces& places,
+               const float* scale, const ArcWindows& windows) {
+    b_.Grow();
+    const std::size_t n = b_.size;
+    const int kept = KeepOnArc(places, scale, windows, s_.b.edges.simd,
+                               {&b_.t[n],
+                                {&b_.by[0][n], &b_.by[1][n], &b_.by[2][n], &b_.by[3][n], &b_.by[4][n]},
+                                &b_.bend[n],
+                                &b_.weight[n],
+                                &b_.sector[n]});
+    if (kept == 0) return;
     const auto size = static_cast<float>(1 / curve_.ellipse.axes.x());
-    const std::size_t n = b_.Add();
-    b_.sector[n] = static_cast<std::uint8_t>(sector);
-    b_.t[n] = t;
-    for (int k = 0; k < 5; ++k) b_.by[k][n] = scale * places.by[k][i];
-    b_.bend[n] = 0.5f * places.curvature[i] / scale;
-    b_.u[n] = du * size, b_.v[n] = dv * size;
-    b_.grey[n] = static_cast<float>(s_.image.At(u, v));
+    for (int i = 0; i < kStripLanes; ++i) {
+      const bool there = i < lanes;
+      b_.u[n + i] = there ? du[i] * size : 0.0f, b_.v[n + i] = there ? dv[i] * size : 0.0f;
+      b_.grey[n + i] = there ? static_cast<float>(s_.image.At(u + i, v)) : 0.0f;
+    }
+    b_.size += kStripLanes, b_.count += std::size_t(kept);
+  }
+
+  // What takes part, in the numbers of the sums.
+  ArcWindows Windows() const {
+    constexpr float kAll = 5;  // more than AroundEllipse goes round
+    ArcWindows w;
+    w.from = static_cast<float>(range_.from), w.length = range_.whole ? kAll : float(range_.length);
+    w.reach = static_cast<float>(kReachPx);
+    for (int k = 0; k < kSectors; ++k) {
+      w.low[k] = dropped_[k] ? 1.0f : static_cast<float>(window_[k].low);
+      w.high[k] = dropped_[k] ? -1.0f : static_cast<float>(window_[k].high);
+    }
+    return w;
   }
 
   void StartModel() {
     double dark = 0, bright = 0, num_dark = 0, num_bright = 0;
-    const std::size_t n = b_.count;
-    for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t i = 0; i < b_.size; ++i) {
       if (b_.t[i] > blur_)
         bright += b_.grey[i], ++num_bright;
       else if (b_.t[i] < -blur_)
@@ -309,7 +383,7 @@ class ArcFit {
             b_.weight.data(),
             b_.residual.data(),
             b_.by_place.data(),
-            b_.padded,
+            b_.size,
             static_cast<float>(s_.image.MaxValue())};
   }
 
@@ -383,7 +457,7 @@ class ArcFit {
     const double sigma = Sigma();
     constexpr double kSigmas = 4;
     double numerator[kSectors] = {}, denominator[kSectors] = {};
-    for (std::size_t i = 0; i < b_.count; ++i) {
+    for (std::size_t i = 0; i < b_.size; ++i) {
       numerator[b_.sector[i]] += double{b_.by_place[i]} * b_.residual[i];
       denominator[b_.sector[i]] += double{b_.by_place[i]} * b_.by_place[i];
     }
@@ -424,10 +498,17 @@ class ArcFit {
            std::abs(m[4]) * (curve_.ellipse.axes.x() - curve_.ellipse.axes.y());
   }
 
+  // Every so many rows come near enough: so many pixels know the place better than kNear.
+  int RoughStep() const {
+    constexpr double kEnoughPixels = 1024;
+    const double pixels = 2 * kPi * std::sqrt(0.5 * (curve_.a2 + curve_.b2)) * 2 * kReachPx;
+    return std::clamp(static_cast<int>(pixels / kEnoughPixels), 2, 4);
+  }
+
   bool Fit() {
-    constexpr double kNear = 0.1;  // px: so small a move leaves the derivatives as they are
+    constexpr double kNear = 0.3;  // px: so small a move leaves the derivatives as they are
     constexpr int kRounds = 6;
-    row_step_ = 2;  // half of the rows come near enough
+    row_step_ = RoughStep();
     TakePixels();
     if (b_.count < kMinPixels) return false;
     StartModel();

@@ -76,27 +76,26 @@ std::optional<Ellipse> EllipseOf(const Conic& k, const Vector2d& centre, double 
   return e;
 }
 
-struct Turned {  // an ellipse and the direction of its first axis
+struct Turned {  // an ellipse, the direction of its first axis, and its axes' inverses
   const Ellipse& e;
-  double cs = std::cos(e.angle_rad), sn = std::sin(e.angle_rad);
+  double cs = std::cos(e.angle_rad), sn = std::sin(e.angle_rad), ia = 1 / e.axes.x(), ib = 1 / e.axes.y();
 };
 
 // Sampson distance and its derivatives by centre u, v, axes, angle.
 double DistanceAndJacobian(const Turned& turned, const Vector2d& p, Vector5d* jacobian) {
-  const auto& [e, cs, sn] = turned;
+  const auto& [e, cs, sn, ia, ib] = turned;
   const Vector2d d = p - e.center;
-  const double x = cs * d.x() + sn * d.y(), y = -sn * d.x() + cs * d.y();
-  const double a2 = e.axes.x() * e.axes.x(), b2 = e.axes.y() * e.axes.y();
-  const double f = x * x / a2 + y * y / b2 - 1;
-  const double gx = 2 * x / a2, gy = 2 * y / b2, g = std::sqrt(gx * gx + gy * gy);
+  const double x = cs * d.x() + sn * d.y(), y = -sn * d.x() + cs * d.y(), sx = x * ia, sy = y * ib;
+  const double f = sx * sx + sy * sy - 1;
+  const double gx = 2 * sx * ia, gy = 2 * sy * ib, g = std::sqrt(gx * gx + gy * gy);
   if (!(g > 0)) return -e.axes.y();
+  const double ig = 1 / g;
   if (jacobian) {
     // Of f alone: on the contour, where it matters, the gradient's own change counts for nothing.
-    *jacobian << -(gx * cs - gy * sn), -(gx * sn + gy * cs), -2 * x * x / (a2 * e.axes.x()),
-        -2 * y * y / (b2 * e.axes.y()), gx * y - gy * x;
-    *jacobian /= g;
+    *jacobian << ig * (gy * sn - gx * cs), -ig * (gx * sn + gy * cs), -ig * gx * sx, -ig * gy * sy,
+        ig * (gx * y - gy * x);
   }
-  return f / g;
+  return f * ig;
 }
 
 struct Judged {
@@ -167,13 +166,16 @@ std::optional<EllipseFit> FitEllipse(std::span<const Vector2d> points, double ho
   Judged best = Judge(points, *ellipse);
   if (!(best.fit.rms_px <= hopeless_px)) return std::nullopt;
   constexpr int kSteps = 4;
+  constexpr double kWorthMore = 0.999;  // of the RMS: a step that gains less ends the search
   for (int i = 0; i < kSteps; ++i) {
     Ellipse next = best.fit.ellipse;
     if (!Step(best, next)) break;
     Normalise(next);
     const Judged judged = Judge(points, next);
     if (!(judged.fit.rms_px < best.fit.rms_px)) break;
+    const bool more = judged.fit.rms_px < kWorthMore * best.fit.rms_px;
     best = judged;
+    if (!more) break;
   }
   return best.fit;
 }

@@ -27,28 +27,21 @@ struct PieceState {
   double Length() const { return piece.to - piece.from; }
 };
 
-// The pixels about an arc, as AccumulateArc takes them, and the sector of the contour that each belongs to.
+// The pixels about an arc in lots of kStripLanes, as AccumulateArc takes them, and the sector of the contour
+// that each belongs to; those that take no part have no weight.
 struct ArcBuffers {
   std::vector<float> t, by[5], bend, u, v, grey, weight, residual, by_place, sorted;
   std::vector<std::uint8_t> sector;
-  std::size_t count = 0, padded = 0;  // pixels; with those of no weight that fill up the last lanes
+  std::size_t size = 0, count = 0;  // pixels in all lots; of those that take part
 
-  void Clear() { count = 0; }
-  // The place of one more pixel.
-  std::size_t Add() {
-    if (count + kStripLanes >= t.size()) {
-      for (auto* x :
-           {&t, &by[0], &by[1], &by[2], &by[3], &by[4], &bend, &u, &v, &grey, &weight, &residual, &by_place})
-        x->resize(2 * count + 1024);
-      sector.resize(2 * count + 1024);
-    }
-    return count++;
-  }
-  void Pad() {
-    padded = (count + kStripLanes - 1) / kStripLanes * kStripLanes;
-    std::fill_n(weight.begin(), count, 1.0f);
-    for (auto* x : {&t, &by[0], &by[1], &by[2], &by[3], &by[4], &bend, &u, &v, &grey, &weight})
-      std::fill(x->begin() + std::ptrdiff_t(count), x->begin() + std::ptrdiff_t(padded), 0.0f);
+  void Clear() { size = count = 0; }
+  // Room for one more lot.
+  void Grow() {
+    if (size + kStripLanes <= t.size()) return;
+    for (auto* x :
+         {&t, &by[0], &by[1], &by[2], &by[3], &by[4], &bend, &u, &v, &grey, &weight, &residual, &by_place})
+      x->resize(2 * size + 1024);
+    sector.resize(2 * size + 1024);
   }
 };
 

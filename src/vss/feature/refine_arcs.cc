@@ -38,6 +38,12 @@ bool IsKnown(const EllipticalArc& arc) {
   return arc.covariance(0, 0) + arc.covariance(1, 1) < arc.ideal_axes.y() * arc.ideal_axes.y();
 }
 
+// Whether so much of the ellipse is seen that its edge points tell where the rest would be.
+bool IsMostlySeen(const EllipticalArc& arc) {
+  constexpr double kShare = 0.75;
+  return !IsWholeEllipse(arc) && arc.ideal_to_rad - arc.ideal_from_rad > kShare * 2 * kPi;
+}
+
 // Arcs and straight pieces that tell of a part of a longer arc go.
 void DropCovered(const Scene& s, std::vector<EllipticalArc>& arcs) {
   s.b.arc_covered.assign(arcs.size(), 0);
@@ -82,6 +88,7 @@ void RefineArcs(const Scene& s, std::vector<EllipticalArc>& arcs) {
   std::size_t kept = 0;
   for (std::size_t k = 0; k < arcs.size(); ++k) {
     EllipticalArc arc = arcs[k];
+    if (IsMostlySeen(arc)) ExtendArc(s, arc);
     bool moved = false, explained = false;
     for (int i = 0; i < kRounds; ++i) {
       if (moved && (ArcRangeOf(arc).whole || !ExtendArc(s, arc))) break;

@@ -109,6 +109,14 @@ void PlaceOnArc(const float* u, const float* v, const ArcShape& shape, float rea
     portable::Place(u, v, shape, reach, out);
 }
 
+int KeepOnArc(const ArcPlaces& places, const float* scale, const ArcWindows& windows, Simd simd,
+              const ArcLot& out) {
+  const Level level = LevelOf(simd);
+  if (level == Level::kAvx512) return avx512::Keep(places, scale, windows, out);
+  if (level == Level::kAvx2) return avx2::Keep(places, scale, windows, out);
+  return portable::Keep(places, scale, windows, out);
+}
+
 template <int kEdges, bool kLinear>
 void AccumulateStrip(const StripSamples& in, const StripModel& model, int stride, Simd simd,
                      StripSums<NumStripParameters<kEdges, kLinear>()>& out) {

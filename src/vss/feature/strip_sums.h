@@ -2,6 +2,7 @@
 // instructions the processor has.
 #pragma once
 #include <cstddef>
+#include <cstdint>
 
 #include "vss/feature/edge_points.h"
 
@@ -63,6 +64,25 @@ struct ArcShape {
 // the contour are left out (zero).
 void PlaceOnArc(const float* u, const float* v, const ArcShape& shape, float reach, Simd simd,
                 ArcPlaces& out);
+
+// What of the contour takes part: the range of AroundEllipse's numbers from `from` on, `length` long, and of
+// t in each of its kArcSectors equal parts what lies from `low` to `high`.
+inline constexpr int kArcSectors = 64;
+struct ArcWindows {
+  float from, length, reach;  // of t, either side
+  float low[kArcSectors], high[kArcSectors];
+};
+
+// Places for kStripLanes pixels of ArcSamples; those that take no part get the weight zero.
+struct ArcLot {
+  float *t, *by[5], *bend, *weight;
+  std::uint8_t* sector;
+};
+
+// Fills `out` from what PlaceOnArc found; `scale`: px as taken of t for each px of distance. How many take
+// part.
+int KeepOnArc(const ArcPlaces& places, const float* scale, const ArcWindows& windows, Simd simd,
+              const ArcLot& out);
 
 // The pixels about an arc: t across the contour towards the bright side (px), its derivatives by the
 // ellipse's five parameters, half the contour's curvature (positive: the bright side lies outside), the place
