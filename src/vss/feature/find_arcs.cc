@@ -15,9 +15,10 @@ struct PieceRun {
   std::size_t begin, end;  // of b.pieces
 };
 
+constexpr double kMaxTurnRad = 0.9;  // between pieces; more is a corner
+
 // The turn from a piece to the next of its chain, towards v positive; nothing where it is no smooth one.
 std::optional<double> TurnBetween(const StraightPiece& a, const StraightPiece& b) {
-  constexpr double kMaxTurnRad = 0.9;       // more is a corner
   constexpr std::uint32_t kMaxSkipped = 8;  // points between pieces that are on none
   if (a.chain != b.chain || b.begin > a.end + kMaxSkipped) return std::nullopt;
   const Vector2d &d = a.line.direction, &e = b.line.direction;
@@ -40,27 +41,45 @@ PieceRun TurningRun(const std::vector<StraightPiece>& pieces, std::size_t begin)
   return {begin, end};
 }
 
+// Points of a chain in their order: those of a closed one may go on from its last to its first.
+struct PointRun {
+  std::uint32_t begin, end;              // end - begin points
+  std::uint32_t chain_begin, chain_end;  // of the chains' order
+
+  std::uint32_t Place(std::uint32_t i) const { return i < chain_end ? i : i - chain_end + chain_begin; }
+  std::uint32_t Size() const { return end - begin; }
+};
+
+PointRun RunOf(const Scene& s, std::uint32_t chain, std::uint32_t begin, std::uint32_t end) {
+  return {begin, end, s.b.chains.start[chain], s.b.chains.start[chain + 1]};
+}
+
 struct FoundArc {
   EllipseFit ideal, img;
-  std::uint32_t begin, end;  // of the chains' order
+  PointRun run;
 };
 
 constexpr std::uint32_t kMinPoints = 16;
 
-// The points [begin, end) of the chains' order.
-std::optional<FoundArc> FitArc(const Scene& s, std::uint32_t begin, std::uint32_t end) {
+void TakePlaces(const Scene& s, const PointRun& run) {
+  s.b.arc_ideal.clear();
+  for (auto i = run.begin; i < run.end; ++i) s.b.arc_ideal.push_back(s.b.positions[run.Place(i)]);
+}
+
+std::optional<FoundArc> FitArc(const Scene& s, const PointRun& run) {
   constexpr double kMaxRmsPx = 0.35;
   constexpr double kMinAxisRatio = 0.08;
-  if (end - begin < kMinPoints) return std::nullopt;
+  if (run.Size() < kMinPoints) return std::nullopt;
   double tolerance = 0, strength = 0;
-  for (auto i = begin; i < end; ++i) tolerance += s.b.tolerance[i], strength += s.PointAt(i).strength;
-  const double n = end - begin;
+  for (auto i = run.begin; i < run.end; ++i)
+    tolerance += s.b.tolerance[run.Place(i)], strength += s.PointAt(run.Place(i)).strength;
+  const double n = run.Size();
   tolerance /= n;
-  const EdgePoint& middle = s.PointAt((begin + end) / 2);
+  const EdgePoint& middle = s.PointAt(run.Place((run.begin + run.end) / 2));
   if (Significance(strength / n, n, s.b.noise.TextureAt(middle.cell_u, middle.cell_v)) <
       s.options.min_significance)
     return std::nullopt;
-  s.b.arc_ideal.assign(s.b.positions.begin() + begin, s.b.positions.begin() + end);
+  TakePlaces(s, run);
   constexpr double kHopeless = 4;  // of the limit: no ellipse, whatever the distances are weighed like
   const double max_rms = std::max(kMaxRmsPx, tolerance / 3);
   const auto ideal = FitEllipse(s.b.arc_ideal, kHopeless * max_rms);
@@ -69,12 +88,13 @@ std::optional<FoundArc> FitArc(const Scene& s, std::uint32_t begin, std::uint32_
   if (ideal->rms_px > max_rms || ideal->max_px > 3 * tolerance || e.axes.y() < kMinAxisRatio * e.axes.x() ||
       e.axes.x() > s.image.width + s.image.height)
     return std::nullopt;
-  if (!s.lens) return FoundArc{*ideal, *ideal, begin, end};
+  if (!s.lens) return FoundArc{*ideal, *ideal, run};
   s.b.arc_points.clear();
-  for (auto i = begin; i < end; ++i) s.b.arc_points.emplace_back(s.PointAt(i).u, s.PointAt(i).v);
+  for (auto i = run.begin; i < run.end; ++i)
+    s.b.arc_points.emplace_back(s.PointAt(run.Place(i)).u, s.PointAt(run.Place(i)).v);
   const auto img = FitEllipse(s.b.arc_points);
   if (!img) return std::nullopt;
-  return FoundArc{*ideal, *img, begin, end};
+  return FoundArc{*ideal, *img, run};
 }
 
 // The run may begin or end in a straight edge: without its outer pieces, until an ellipse fits.
@@ -87,7 +107,8 @@ std::optional<FoundArc> FitArcTrimmed(const Scene& s, PieceRun& run) {
                             {run.begin, run.end - 2}};
   for (const PieceRun& t : tries) {
     if (t.end < t.begin + 3) continue;
-    if (auto arc = FitArc(s, s.b.pieces[t.begin].begin, s.b.pieces[t.end - 1].end)) {
+    const StraightPiece &first = s.b.pieces[t.begin], &last = s.b.pieces[t.end - 1];
+    if (auto arc = FitArc(s, RunOf(s, first.chain, first.begin, last.end))) {
       run = t;
       return arc;
     }
@@ -113,17 +134,18 @@ ParameterRange RangeOf(const Ellipse& e, std::span<const Vector2d> points) {
 }
 
 void AppendArc(const Scene& s, const FoundArc& found, LineImage& out) {
-  s.b.arc_ideal.assign(s.b.positions.begin() + found.begin, s.b.positions.begin() + found.end);
+  const PointRun& run = found.run;
+  TakePlaces(s, run);
   s.b.arc_points.clear();
   EllipticalArc arc;
   double contrast = 0, variance = 0, inward = 0;
-  for (auto i = found.begin; i < found.end; ++i) {
-    const EdgePoint& p = s.PointAt(i);
+  for (auto i = run.begin; i < run.end; ++i) {
+    const EdgePoint& p = s.PointAt(run.Place(i));
     s.b.arc_points.emplace_back(p.u, p.v);
-    contrast += s.b.contrast[i], variance += ProfileVariance(p);
+    contrast += s.b.contrast[run.Place(i)], variance += ProfileVariance(p);
     inward += (found.img.ellipse.center - Vector2d(p.u, p.v)).dot(Vector2d(p.nu, p.nv)) > 0 ? 1 : -1;
   }
-  const double n = found.end - found.begin;
+  const double n = run.Size();
   arc.center = found.img.ellipse.center, arc.axes = found.img.ellipse.axes,
   arc.angle_rad = found.img.ellipse.angle_rad;
   arc.ideal_center = found.ideal.ellipse.center, arc.ideal_axes = found.ideal.ellipse.axes,
@@ -142,39 +164,62 @@ void AppendArc(const Scene& s, const FoundArc& found, LineImage& out) {
   out.arcs.push_back(arc);
 }
 
-// Whether the contour turns to one side over the points [begin, end), and by more than a corner of a plate.
-bool Turns(const Scene& s, std::uint32_t begin, std::uint32_t end) {
+// Whether the contour turns to one side over the points, and by more than a corner of a plate.
+bool Turns(const Scene& s, const PointRun& run) {
   constexpr std::uint32_t kStep = 4;
   constexpr double kMinTotalRad = 1.2, kMinShare = 0.9;  // of the turning, to one side
   double total = 0, both = 0;
-  for (auto i = begin; i + kStep < end; i += kStep) {
-    const EdgePoint &p = s.PointAt(i), &q = s.PointAt(i + kStep);
+  for (auto i = run.begin; i + kStep < run.end; i += kStep) {
+    const EdgePoint &p = s.PointAt(run.Place(i)), &q = s.PointAt(run.Place(i + kStep));
     const double turn = std::asin(std::clamp(double{p.nu} * q.nv - double{p.nv} * q.nu, -1.0, 1.0));
     total += turn, both += std::abs(turn);
   }
   return std::abs(total) > std::max(kMinTotalRad, kMinShare * both);
 }
 
+// Whether a chain's last point is followed by its first.
+bool IsClosed(const Scene& s, std::uint32_t chain) {
+  constexpr double kStepPx = 3, kMinCosine = 0.7;  // chains step over a hole of one pixel, along one contour
+  const EdgePoint &p = s.PointAt(s.b.chains.start[chain]), &q = s.PointAt(s.b.chains.start[chain + 1] - 1);
+  return std::hypot(p.u - q.u, p.v - q.v) <= kStepPx && p.nu * q.nu + p.nv * q.nv >= kMinCosine;
+}
+
+// An arc of the points, without those that corners at their ends may spoil.
+void LookForTightArc(const Scene& s, PointRun run, LineImage& out) {
+  constexpr std::uint32_t kAtCorner = 2;
+  if (run.Size() < 2 * kAtCorner + kMinPoints) return;
+  run.begin += kAtCorner, run.end -= kAtCorner;
+  if (!Turns(s, run)) return;
+  if (const auto arc = FitArc(s, run)) AppendArc(s, *arc, out);
+}
+
 // Contours that turn so fast that they have no straight pieces, between those that are straight. Two corners
 // close together look like them: RefineArcs keeps those that explain the pixels down to the noise.
 void FindTightArcs(const Scene& s, LineImage& out) {
-  constexpr double kStraightPx = 10;      // so long a piece is no part of them
-  constexpr std::uint32_t kAtCorner = 2;  // points that a corner may spoil
+  // Pieces of a circle lie within the tolerance on either side, and so are 16 times as long as the tolerance
+  // over the turn from one to the next: a longer one is no part of a contour that turns more than runs of
+  // pieces may.
+  const double straight_px = 16 * s.options.tolerance_px / kMaxTurnRad;
   std::size_t piece = 0;
   for (std::uint32_t c = 0; c < s.b.chains.size(); ++c) {
-    std::uint32_t begin = s.b.chains.start[c];
-    auto look = [&](std::uint32_t end) {
-      const std::uint32_t from = begin + kAtCorner, to = end - kAtCorner;
-      if (end < begin + 2 * kAtCorner + kMinPoints || !Turns(s, from, to)) return;
-      if (const auto arc = FitArc(s, from, to)) AppendArc(s, *arc, out);
-    };
+    const std::uint32_t chain_begin = s.b.chains.start[c], chain_end = s.b.chains.start[c + 1];
+    std::uint32_t begin = chain_begin, first_end = chain_end;
+    bool any = false;
     for (; piece < s.b.pieces.size() && s.b.pieces[piece].chain == c; ++piece) {
       const StraightPiece& p = s.b.pieces[piece];
-      if (!s.b.in_arc[piece] && p.to - p.from < kStraightPx) continue;
-      look(p.begin);
-      begin = p.end;
+      if (!s.b.in_arc[piece] && p.to - p.from < straight_px) continue;
+      if (any)
+        LookForTightArc(s, RunOf(s, c, begin, p.begin), out);
+      else
+        first_end = p.begin;
+      any = true, begin = p.end;
     }
-    look(s.b.chains.start[c + 1]);
+    if (any && IsClosed(s, c)) {  // what comes before the first straight piece goes on from the last
+      LookForTightArc(s, RunOf(s, c, begin, chain_end + first_end - chain_begin), out);
+      continue;
+    }
+    if (any) LookForTightArc(s, RunOf(s, c, chain_begin, first_end), out);
+    LookForTightArc(s, RunOf(s, c, begin, chain_end), out);
   }
 }
 

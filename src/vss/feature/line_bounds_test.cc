@@ -259,31 +259,45 @@ TEST(DetectLines, KnowsThatSaturationHidesAnEdgesPlace) {
   }
 }
 
-TEST(DetectLines, FindsMostSmallArcsBesideTheirChord) {
-  constexpr double kLong = 12, kShort = 9;
-  int found = 0;
-  constexpr int kPictures = 12;
-  for (int i = 0; i < kPictures; ++i) {
-    const Vector2d center(50.3 + 0.1 * i, 51.2);
-    const double turn = 0.3 * i;
-    const LineImage lines = LinesOf(Render(
-        100, 100, 8, 2,
-        [&](int u, int v) {
-          double sum = 0;
-          constexpr int kSub = 5;
-          for (int k = 0; k < kSub * kSub; ++k) {
-            const Vector2d d = Vector2d(u + 3 * (k % kSub - 2.0) / kSub, v + 3 * (k / kSub - 2.0) / kSub) -
-                               center;  // 3 px wide
-            const double x = std::cos(turn) * d.x() + std::sin(turn) * d.y(),
-                         y = -std::sin(turn) * d.x() + std::cos(turn) * d.y();
-            sum += std::hypot(x / kLong, y / kShort) < 1 && y > 0 ? 1.0 : 0.0;
-          }
-          return 60 + 80 * sum / (kSub * kSub);
-        },
-        unsigned(i)));
-    for (const auto& a : lines.arcs) found += (a.center - center).norm() < 2;
+// A bright ellipse of 12 x 9 px, or its half below the longer axis, seen through a window of `wide_px`.
+struct SmallEllipse {
+  Vector2d center;
+  double turn_rad;
+  bool half;
+
+  bool Has(const Vector2d& p) const {
+    const Vector2d d = p - center;
+    const double x = std::cos(turn_rad) * d.x() + std::sin(turn_rad) * d.y(),
+                 y = -std::sin(turn_rad) * d.x() + std::cos(turn_rad) * d.y();
+    return std::hypot(x / 12, y / 9) < 1 && (!half || y > 0);
   }
-  EXPECT_GE(found, kPictures / 2);
+  double At(int u, int v, double wide_px) const {
+    constexpr int kSub = 5;
+    int inside = 0;
+    for (int k = 0; k < kSub * kSub; ++k)
+      inside += Has({u + wide_px * (k % kSub - 2) / kSub, v + wide_px * (k / kSub - 2) / kSub});
+    return double(inside) / (kSub * kSub);
+  }
+};
+
+// How many of 24 such ellipses are found within 2 px, whole ones as such.
+int NumSmallEllipsesFound(bool half, double noise, double wide_px) {
+  int found = 0;
+  for (int i = 0; i < 24; ++i) {
+    const SmallEllipse e{{50.3 + 0.1 * i, 51.2}, 0.3 * i, half};
+    const LineImage lines = LinesOf(Render(
+        100, 100, 8, noise, [&](int u, int v) { return 60 + 80 * e.At(u, v, wide_px); }, unsigned(i)));
+    found += std::count_if(lines.arcs.begin(), lines.arcs.end(), [&](const EllipticalArc& a) {
+      return (a.center - e.center).norm() < 2 && (half || a.to_rad - a.from_rad > 6.28);
+    });
+  }
+  return found;
+}
+
+TEST(DetectLines, FindsMostSmallArcsBesideTheirChord) { EXPECT_GE(NumSmallEllipsesFound(true, 2, 3), 20); }
+
+TEST(DetectLines, FindsMostSmallBlurredEllipsesInNoiseAllTheWayRound) {
+  EXPECT_GE(NumSmallEllipsesFound(false, 5, 5), 18);
 }
 
 }  // namespace
