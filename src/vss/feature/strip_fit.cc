@@ -229,17 +229,19 @@ void PlaceColumns(StripBuffers& b) {
 
 // The residuals by their distance from the line: sums over the columns.
 void FillProfile(const StripModel& m, double low, StripBuffers& b) {
-  StripProfile& p = b.profile;
-  p = {};
+  StripProfile p;
   p.low = low, p.offset = m.offset[0], p.contrast = m.contrast[0], p.blur = m.blur;
   const float slope = m.slope[0];
   const float scale = static_cast<float>(1 / StripProfile::kBinPx), first = static_cast<float>(low);
-  for (std::size_t i = 0; i < b.column_start.back(); ++i) {
-    const float t = b.across[i] - slope * b.along[i], r = b.residual[i], w = b.weight[i];
+  const float *along = b.along.data(), *across = b.across.data(), *residual = b.residual.data(),
+              *weight = b.weight.data();
+  for (std::size_t i = 0, n = b.column_start.back(); i < n; ++i) {
+    const float t = across[i] - slope * along[i], r = residual[i], w = weight[i];
     const int k = std::clamp(static_cast<int>((t - first) * scale), 0, StripProfile::kBins - 1);
     p.sum[k] += w * r, p.count[k] += w;
     p.squares += w * r * r, p.pixels += w;
   }
+  b.profile = p;
 }
 
 // Gives columns that lie off (a scratch, a crossing) no weight; how many
@@ -275,20 +277,32 @@ double Correlation(const StripBuffers& b) {
   return std::max(1.0, (blocks2 / (blocks - 2) / kBlock) / (sum2 / n));
 }
 
+// Sum of grey values: whole numbers, so that their order does not matter.
+double SumOf(const float* grey, std::size_t n) {
+  constexpr std::size_t kLanes = 8;
+  double lane[kLanes] = {}, sum = 0;
+  std::size_t i = 0;
+  for (; i + kLanes <= n; i += kLanes)
+    for (std::size_t k = 0; k < kLanes; ++k) lane[k] += grey[i + k];
+  for (; i < n; ++i) sum += grey[i];
+  for (const double x : lane) sum += x;
+  return sum;
+}
+
 // Levels from the pixels given the edges' places and contrasts.
 StripModel StartModel(std::span<const StripEdge> start, const StripBuffers& b, std::size_t pixels,
                       double half, double blur) {
   StripModel m{};
   m.blur = static_cast<float>(std::clamp(blur, kMinBlurPx, kMaxBlurPx));
-  double sum = 0;
-  for (std::size_t i = 0; i < pixels; ++i) sum += b.grey[i];
+  double sum = SumOf(b.grey.data(), pixels);
   for (std::size_t e = 0; e < start.size(); ++e) {
     m.offset[e] = static_cast<float>(start[e].offset);
     m.slope[e] = static_cast<float>(start[e].slope * half);
     m.contrast[e] = static_cast<float>(start[e].contrast);
     const float offset = m.offset[e], slope = static_cast<float>(start[e].slope);
+    const float *along = b.along.data(), *across = b.across.data();
     int bright = 0;
-    for (std::size_t i = 0; i < pixels; ++i) bright += b.across[i] > offset + slope * b.along[i];
+    for (std::size_t i = 0; i < pixels; ++i) bright += across[i] > offset + slope * along[i];
     sum -= start[e].contrast * bright;
   }
   m.level[0] = static_cast<float>(sum / double(pixels));
@@ -334,10 +348,12 @@ constexpr double kHiddenShift = 0.43;
 // alone.
 bool IsOverexposed(const StripSamples& in, const StripModel& m) {
   constexpr double kShare = 0.5;
+  const float offset = m.offset[0], slope = m.slope[0], flat = 2 * m.blur;
   int bright = 0, saturated = 0;
   for (std::size_t i = 0; i < in.count; ++i) {
-    if (in.across[i] - m.offset[0] - m.slope[0] * in.along[i] < 2 * m.blur || in.weight[i] == 0) continue;
-    ++bright, saturated += in.grey[i] >= in.saturated;
+    const bool counts = !(in.across[i] - offset - slope * in.along[i] < flat) & (in.weight[i] != 0);
+    const bool full = in.grey[i] >= in.saturated;
+    bright += counts, saturated += counts & full;
   }
   return saturated > kShare * bright;
 }

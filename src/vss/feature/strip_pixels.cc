@@ -148,14 +148,19 @@ void TakeColumn(const GreyView& image, const StripFrame& f, const StripGeometry&
   const std::ptrdiff_t stride = g.steep ? std::ptrdiff_t(sizeof(Pixel)) : image.stride_bytes;
   const std::uint8_t* at = base + (g.steep ? major * image.stride_bytes + begin * stride
                                            : begin * stride + major * std::ptrdiff_t(sizeof(Pixel)));
-  float *along = &b.along[count], *across = &b.across[count], *grey = &b.grey[count];
+  float* __restrict along = &b.along[count], * __restrict across = &b.across[count], * __restrict grey = &b.grey[count];
   const float along0 = static_cast<float>(a0 + drift * (begin - centre)), along1 = static_cast<float>(drift);
   const float across0 = static_cast<float>(t0 + rate * (begin - centre)), across1 = static_cast<float>(rate);
-  for (std::size_t i = 0; i < n; ++i, at += stride) {
-    along[i] = along0 + along1 * static_cast<float>(i);
-    across[i] = across0 + across1 * static_cast<float>(i);
+  // Whole lots, some of it beyond the column's end into the spare room.
+  constexpr int kLot = 16;
+  static_assert(kLot <= StripBuffers::kSpare);
+  for (int first = 0; first < static_cast<int>(n); first += kLot)
+    for (int i = first; i < first + kLot; ++i) {
+      along[i] = along0 + along1 * static_cast<float>(i);
+      across[i] = across0 + across1 * static_cast<float>(i);
+    }
+  for (std::size_t i = 0; i < n; ++i, at += stride)
     grey[i] = static_cast<float>(*reinterpret_cast<const Pixel*>(at));
-  }
   if (beyond > 0) {
     const std::uint8_t* column =
         base + (g.steep ? major * image.stride_bytes : major * std::ptrdiff_t(sizeof(Pixel)));
