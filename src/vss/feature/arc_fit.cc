@@ -187,9 +187,11 @@ class ArcFit {
     const double grow = kReachPx + spare + bend;
     const Vector2d center = e.center + shift;
     const Vector2d low = (box.low + shift).array() - grow, high = (box.high + shift).array() + grow;
-    const int u0 = int(std::floor(std::max(0.0, low.x()))), v0 = int(std::floor(std::max(0.0, low.y()))),
-              u1 = int(std::ceil(std::min(s_.image.width - 1.0, high.x()))),
-              v1 = int(std::ceil(std::min(s_.image.height - 1.0, high.y())));
+    const double width = s_.image.width, height = s_.image.height;
+    const int u0 = int(std::floor(std::clamp(low.x(), 0.0, width))),
+              v0 = int(std::floor(std::clamp(low.y(), 0.0, height))),
+              u1 = int(std::ceil(std::clamp(high.x(), -1.0, width - 1))),
+              v1 = int(std::ceil(std::clamp(high.y(), -1.0, height - 1)));
     const Ellipse outer{center, e.axes + Vector2d::Constant(grow), e.angle_rad},
         inner{center, e.axes - Vector2d::Constant(grow), e.angle_rad};
     for (int v = v0; v <= v1; v += row_step_) {
