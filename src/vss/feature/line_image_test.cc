@@ -102,6 +102,27 @@ TEST(DetectLines, PutsEllipsesWhereTheyAreAndKnowsHowWell) {
   EXPECT_LT(squares / kPictures, 2.0);
 }
 
+TEST(DetectLines, FindsAWeakEdgeThatAStrongOneHides) {
+  // A dark plate (90), a band of its shadow (50) and the floor (170): the gradient has one crest.
+  const Vector2d along(std::cos(0.2), std::sin(0.2)), across(-along.y(), along.x()), middle(60.2, 59.6);
+  constexpr double kBandPx = 2.5;
+  const LineImage lines = LinesOf(Render(120, 120, 8, 1, [&](int u, int v) {
+    const double t = across.dot(Vector2d(u, v) - middle);
+    return 90 - 40 * TestStep(t) + 120 * TestStep(t - kBandPx);
+  }));
+  ASSERT_EQ(lines.segments.size(), 2u);
+  for (const double at : {0.0, kBandPx}) {
+    const auto s = std::find_if(lines.segments.begin(), lines.segments.end(), [&](const LineSegment& l) {
+      return std::abs(across.dot(0.5 * (l.start + l.end) - middle) - at) < 0.1;
+    });
+    ASSERT_NE(s, lines.segments.end()) << at;
+    // Bright to the left of start -> end: the plate for the one, the floor for the other.
+    EXPECT_EQ(along.dot(s->end - s->start) > 0, at == 0) << at;
+    EXPECT_NEAR(s->contrast, at == 0 ? 40 : 120, 8);
+    EXPECT_GT((s->end - s->start).norm(), 90);
+  }
+}
+
 TEST(DetectLines, FindsNoLinesInNoise) {
   for (const int bits : {8, 16}) {
     const LineImage lines = LinesOf(Render(256, 256, bits, 10, [](int, int) { return 120; }));

@@ -80,7 +80,8 @@ constexpr double kBlurSpread = 0.12;  // share by which the blur differs over a
 
 struct Attempt {
   StripFit fit;
-  int index = 0;  // which of the fit's edges is the segment
+  int index = 0;        // which of the fit's edges is the segment
+  bool hidden = false;  // the other one is a line that only this fit has seen
 };
 
 double StartBlur(const LineSegment& s, const KnownBlur& known) {
@@ -148,8 +149,9 @@ Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const Li
   const auto hidden = FindHiddenEdge(b.strip.profile, x.simd);
   if (!hidden || hidden->gain < kMinGain) return single;
   const StripSettings settings = SettingsFor(x, frame, s, known, corners);
-  const Attempt two = FitWith(x, frame, hidden->main, &hidden->other, settings, b);
+  Attempt two = FitWith(x, frame, hidden->main, &hidden->other, settings, b);
   const StripEdge &main = two.fit.edges[two.index], &other = two.fit.edges[1 - two.index];
+  two.hidden = true;
   if (!Passes(two.fit, main, frame, s.contrast, settings.start_blur_px, settings.noise_sigma, false) ||
       std::abs(main.offset) > std::abs(other.offset) ||
       std::abs(other.contrast) < kMinHiddenShare * main.contrast ||
@@ -158,6 +160,18 @@ Attempt WithHiddenEdge(const RefineContext& x, const StripFrame& frame, const Li
   if (!single.fit.ok) return two;
   const double before = std::pow(single.fit.residual_sigma, 2), after = std::pow(two.fit.residual_sigma, 2);
   return 2 * settings.reach_px * two.fit.num_columns * (before / after - 1) < kMinGain ? single : two;
+}
+
+// The edge beside segment `s` that its fit saw, as long as that.
+LineSegment HiddenSegment(const Intrinsics* lens, const StripFrame& f, const Attempt& attempt,
+                          const LineSegment& s) {
+  LineSegment out = s;
+  StripEdge edge = attempt.fit.edges[1 - attempt.index];
+  const bool turned = edge.contrast < 0;
+  edge.contrast = std::abs(edge.contrast);
+  Apply(lens, f, attempt.fit, edge, out);
+  if (turned) std::swap(out.start, out.end), std::swap(out.ideal_start, out.ideal_end);
+  return out;
 }
 
 constexpr float kNotFitted = 1e9f, kFitted = 1e8f;  // coherence of no fit; the most of one
@@ -212,6 +226,7 @@ bool RefineOne(const RefineContext& x, std::size_t i, Look look, LineSegment& ou
   if (!passes() || (look == Look::kAgain && !IsExplained(attempt.fit, noise))) return false;
   Apply(x.lens, whole, attempt.fit, attempt.fit.edges[attempt.index], out);
   b.coherence[i] = std::min(static_cast<float>(attempt.fit.coherence), kFitted);
+  if (attempt.hidden) b.hidden.push_back(HiddenSegment(x.lens, whole, attempt, raw));
   return true;
 }
 
@@ -222,6 +237,7 @@ void RefinePlaces(const RefineContext& x, std::vector<LineSegment>& segments, Re
   b.grid.Build(x.image, b.before);
   b.coherence.assign(segments.size(), kNotFitted);
   b.blur_px = 0;
+  b.hidden.clear();
   for (std::size_t i = 0; i < segments.size(); ++i) RefineOne(x, i, Look::kFirst, segments[i], b);
   b.moved.assign(segments.size(), 1), b.fitted.resize(segments.size());
   b.blur_px = BlurOf(x, segments, b);
@@ -232,6 +248,8 @@ void RefinePlaces(const RefineContext& x, std::vector<LineSegment>& segments, Re
       RefineOne(x, i, Look::kLast, segments[i], b);
     b.fitted[i] = b.coherence[i] < kNotFitted;
   }
+  segments.insert(segments.end(), b.hidden.begin(), b.hidden.end());
+  b.moved.resize(segments.size(), 0), b.fitted.resize(segments.size(), 1);
 }
 
 void RefineGrown(const RefineContext& x, std::vector<LineSegment>& segments, RefineBuffers& b) {

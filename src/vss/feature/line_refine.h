@@ -26,7 +26,8 @@ struct RefineBuffers {
   std::vector<char> fitted;  // stands where a fit has put it
   std::vector<char> kept;
   std::vector<int> place;
-  std::vector<float> coherence;  // of the fit's residuals
+  std::vector<LineSegment> hidden;  // edges that only the fit of one beside them has seen
+  std::vector<float> coherence;     // of the fit's residuals
 };
 
 // Moves every segment to the place of maximum likelihood, with covariance, contrast and blur. A segment whose

@@ -10,6 +10,7 @@
 
 #include "vss/base/parallel.h"
 #include "vss/identify/complete.h"
+#include "vss/identify/own_shadow.h"
 #include "vss/identify/refine.h"
 #include "vss/identify/scene_choice.h"
 #include "vss/identify/seed.h"
@@ -200,6 +201,7 @@ class Search {
     if (IsSlanted(h, context_) && h.log_odds > kWorthSliding)
       for (auto& slid : Slides(h, context_))
         if (slid.log_odds > h.log_odds) h = std::move(slid);
+    if (auto raised = OutOfItsShadow(h, context_)) h = std::move(*raised);
     if (h.log_odds < least) return std::nullopt;
     WeighInAllViews(h, context_);
     if (h.log_odds < least || (data_.IsSinglePicture() && !own_ && !ShowsHeight(h, context_)))

@@ -140,7 +140,7 @@ void Ledger::Add(std::span<const PlacedObject> objects, int threads) {
     const auto views = ViewsThatSee(solid, scene_, kManyViews);
     c.prior = PriorLogOdds(objects[i], scene_.mm_per_px);
     c.measured = MeasureContours(solid, views, scene_, {.grey = true});
-    c.painted = PaintedLogOdds(solid, views, scene_, {.rings = true});
+    c.painted = WeighPainted(solid, views, scene_, {.rings = true});
     c.body.Add(solid, int(first + i));
     c.volume = MakeVolume(solid);
     c.solid = solid;
@@ -369,8 +369,8 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
   std::vector<Share> out(set.size());
   for (std::size_t n = 0; n < set.size(); ++n) {
     const Candidate& c = candidates_[std::size_t(set[n])];
-    out[n].log_odds = c.prior;
-    out[n].elevated_log_odds = kElevatedPrior * c.prior - c.painted;
+    out[n].log_odds = c.prior - c.painted.edges;
+    out[n].elevated_log_odds = kElevatedPrior * c.prior - c.painted.all;
   }
   std::vector<double> sums(first_contour.back());
   std::vector<EdgeShown> shown(first_contour.back());  // of edges
@@ -406,7 +406,8 @@ std::vector<Ledger::Share> Ledger::Weigh(std::span<const int> set) {
       if (contours[k].elevated) out[n].elevated_log_odds += log_odds;
       (log_odds > 0 ? out[n].shown : out[n].missed) += std::abs(log_odds);
       if (!shows[first_contour[n] + k]) continue;
-      const double length = LengthOf(candidates_[std::size_t(set[n])].solid, contours[k]);
+      const double length =
+          contours[k].weight * LengthOf(candidates_[std::size_t(set[n])].solid, contours[k]);
       all_mm += length;
       if (log_odds < kClearlyAgainst) missed_mm += length;
     }

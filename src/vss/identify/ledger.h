@@ -23,12 +23,13 @@ class Ledger {
 
   // Of one candidate among a set.
   struct Share {
-    double log_odds = 0;           // its contours' evidence and its prior
-    double elevated_log_odds = 0;  // the same of what stands above its support, less what paint would explain
+    double log_odds = 0;           // its contours' evidence and its prior, less what paint would explain
+    double elevated_log_odds = 0;  // the same of what stands above its support
     // What the contours that speak for it add up to, and those against it (log-odds, neither below 0).
     double shown = 0, missed = 0;
-    double missed_share = 0;  // of the length (in the world) of the contours that show, those clearly missed
-    int missing_ends = 0;     // see MissingEnds()
+    double missed_share =
+        0;  // of the weighted length (in the world) of the contours that show, those clearly missed
+    int missing_ends = 0;  // see MissingEnds()
   };
   // Of every candidate of `set`, in its order: samples that another of the set hides do not count; a line
   // that contours of several lie on speaks for the nearest; one contour that several continue counts as one.
@@ -46,7 +47,8 @@ class Ledger {
   struct Candidate {
     MeasuredContours measured;
     Occluders body;
-    double prior = 0, painted = 0;
+    double prior = 0;
+    PaintedEvidence painted;
     struct InView {
       int view, slot;              // index into measured.views, -1: none of its contour is seen
       Eigen::AlignedBox2d screen;  // what its solid covers

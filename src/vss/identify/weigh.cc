@@ -12,19 +12,20 @@ namespace {
 // What is lower than this, in pixels' size, is compared with its own outline painted on the support.
 constexpr double kPaintPx = 12;
 
-// The solid pressed flat onto its support, with those of its contours that stand above it.
-WorldSolid Painted(const WorldSolid& solid, double lowest_z, double elevated_mm) {
+// The solid pressed flat onto its support, with those of its contours that stand above it by more than
+// `elevated_mm`, and by no more than `most_mm`.
+WorldSolid Painted(const WorldSolid& solid, double lowest_z, double elevated_mm, double most_mm) {
   WorldSolid flat = solid;
   for (auto& v : flat.vertices) v.point.z() = lowest_z;
   for (auto& f : flat.faces)
     for (auto& t : f.triangles)
       for (auto& p : t) p.z() = lowest_z;
+  auto counts = [&](double top) { return top > lowest_z + elevated_mm && top <= lowest_z + most_mm; };
   for (std::size_t i = 0; i < solid.edges.size(); ++i)
-    if (TopOf(solid, ContourSample::Source::kEdge, int(i)) <= lowest_z + elevated_mm)
-      flat.edges[i].weight = 0;
+    if (!counts(TopOf(solid, ContourSample::Source::kEdge, int(i)))) flat.edges[i].weight = 0;
   for (std::size_t i = 0; i < solid.circles.size(); ++i) {
     flat.circles[i].center.point.z() = lowest_z;
-    if (solid.circles[i].center.point.z() <= lowest_z + elevated_mm) flat.circles[i].weight = 0;
+    if (!counts(solid.circles[i].center.point.z())) flat.circles[i].weight = 0;
   }
   return flat;
 }
@@ -111,8 +112,8 @@ Evidence WeighContours(const WorldSolid& solid, std::span<const int> views, cons
 
 }  // namespace
 
-double PaintedLogOdds(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
-                      const WeighOptions& options, const Occluders* others, const Claims* claims) {
+PaintedEvidence WeighPainted(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
+                             const WeighOptions& options, const Occluders* others, const Claims* claims) {
   double low = INFINITY, high = -INFINITY;
   for (const auto& v : solid.vertices) {
     low = std::min(low, v.point.z());
@@ -122,23 +123,26 @@ double PaintedLogOdds(const WorldSolid& solid, std::span<const int> views, const
     low = std::min(low, c.center.point.z());
     high = std::max(high, c.center.point.z());
   }
-  if (high - low > kPaintPx * scene.mm_per_px) return 0;
   WeighOptions bare = options;
   bare.rings = options.grey || options.rings;
   bare.keep_matches = bare.grey = false;
   bare.prior_log_odds = 0;
-  double sum = 0;
-  const WorldSolid flat = Painted(solid, low, kElevatedPx * ClutterPixelMm(scene.mm_per_px));
-  for (const auto& e : WeighContours(flat, views, scene, bare, others, claims).edges)
-    sum += std::max(0.0, e.log_odds);
-  return sum;
+  const double most_mm = kPaintPx * scene.mm_per_px;
+  const WorldSolid flat = Painted(solid, low, kElevatedPx * ClutterPixelMm(scene.mm_per_px), most_mm);
+  PaintedEvidence out;
+  for (const auto& e : WeighContours(flat, views, scene, bare, others, claims).edges) {
+    const double log_odds = std::max(0.0, e.log_odds);
+    if (high - low <= most_mm) out.all += log_odds;
+    if (e.source == ContourSample::Source::kEdge) out.edges += log_odds;
+  }
+  return out;
 }
 
 Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
                const WeighOptions& options, const Occluders* others, const Claims* claims) {
   Evidence out = WeighContours(solid, views, scene, options, others, claims);
   if (options.rough || out.log_odds <= 0) return out;  // hopeless either way
-  out.elevated_log_odds -= PaintedLogOdds(solid, views, scene, options, others, claims);
+  out.elevated_log_odds -= WeighPainted(solid, views, scene, options, others, claims).all;
   return out;
 }
 

@@ -38,11 +38,15 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
                const WeighOptions& options, const Occluders* others = nullptr,
                const Claims* claims = nullptr);
 
-// What the contours that stand above the support would explain if they were painted on it; 0 for what is too
-// high to be taken for paint.
-double PaintedLogOdds(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
-                      const WeighOptions& options, const Occluders* others = nullptr,
-                      const Claims* claims = nullptr);
+// What contours that stand above the support, but too low to show that, would explain if they were painted on
+// it (log-odds).
+struct PaintedEvidence {
+  double all = 0;    // of them all, where the whole solid is that low, else 0
+  double edges = 0;  // of the straight ones
+};
+PaintedEvidence WeighPainted(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
+                             const WeighOptions& options, const Occluders* others = nullptr,
+                             const Claims* claims = nullptr);
 // Paint must be where an object's foot would be, which is this share of what the prior asks for.
 inline constexpr double kElevatedPrior = 0.5;
 
