@@ -278,6 +278,15 @@ std::vector<Occluders> OthersOf(std::span<const WorldSolid> solids) {
   return out;
 }
 
+std::vector<Occluders> OthersOf(std::span<const WorldSolid> solids, std::span<const View> views) {
+  Occluders all;
+  for (std::size_t i = 0; i < solids.size(); ++i) all.Add(solids[i], static_cast<int>(i));
+  all.Prepare(views);
+  std::vector<Occluders> out;
+  for (std::size_t i = 0; i < solids.size(); ++i) out.push_back(all.Without(static_cast<int>(i)));
+  return out;
+}
+
 std::vector<ContourSample> SampleContour(const WorldSolid& solid, const View& view,
                                          const ContourSampling& sampling, const Occluders* others) {
   constexpr std::size_t kUsual = 6;  // samples of a contour that shows

@@ -68,6 +68,8 @@ class Occluders {
 
 // For each solid all others.
 std::vector<Occluders> OthersOf(std::span<const WorldSolid> solids);
+// The same, each solid projected once into each of `views`, which must stay where they are.
+std::vector<Occluders> OthersOf(std::span<const WorldSolid> solids, std::span<const View> views);
 
 // How a contour is sampled.
 struct ContourSampling {

@@ -45,5 +45,22 @@ TEST(ContourTest, WhatWasProjectedBeforehandHidesTheSameSamples) {
   EXPECT_TRUE(any_hidden);
 }
 
+TEST(ContourTest, AllOthersProjectedOnceHideTheSameSamples) {
+  const test::FourViews scene;
+  const KnowledgeBase knowledge = *LoadKnowledge(std::vector<std::string>{"box"}, ".");
+  const std::vector<WorldSolid> solids{PlaceSolid(Box(knowledge, 0, {900, 300, 60}), false),
+                                       PlaceSolid(Box(knowledge, 250, {60, 500, 600}), false),
+                                       PlaceSolid(Box(knowledge, -350, {60, 500, 400}), false)};
+  const auto each = OthersOf(solids), at_once = OthersOf(solids, scene.views);
+  bool any_hidden = false;
+  for (const View& view : scene.views)
+    for (std::size_t i = 0; i < solids.size(); ++i) {
+      const auto visible = Visible(solids[i], view, each[i]);
+      EXPECT_EQ(Visible(solids[i], view, at_once[i]), visible) << i;
+      any_hidden |= std::find(visible.begin(), visible.end(), false) != visible.end();
+    }
+  EXPECT_TRUE(any_hidden);
+}
+
 }  // namespace
 }  // namespace vss

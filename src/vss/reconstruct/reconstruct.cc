@@ -116,7 +116,7 @@ class Reconstructor {
       parts.push_back(std::move(p));
     }
     const auto solids = PlaceAll(parts);
-    const auto others = OthersOf(solids);
+    const auto others = OthersOf(solids, views_);
     if (options_.draw_to_lines) {
       std::vector<LineDistances> distances(parts.size());
       ParallelFor(parts.size(), threads_, [&](std::size_t i) {
@@ -274,7 +274,7 @@ class Reconstructor {
   void Measure(Adjustment& a, double search_px) {
     const auto views = a.AdjustedViews();
     const auto solids = PlaceAll(a.parts);
-    const auto others = OthersOf(solids);
+    const auto others = OthersOf(solids, views);
     std::vector<Measured> found(views.size());
     ParallelFor(views.size(), threads_, [&](std::size_t v) {
       found[v] = MeasureView(solids, others, views[v], static_cast<int>(v), pictures_[v], states_[v],
