@@ -45,21 +45,21 @@ void RefineLean(Hypothesis& h, const SeedContext& context) {
   h.object = leaning;
 }
 
-// What the contours above `stays_mm` of `before` demand of `now`, to stay where they are.
-NormalEquations StayPut(const WorldSolid& now, const WorldSolid& before, double stays_mm, int state_size) {
+// What the contours of `goal` at `from_z_mm` and above demand of `now`.
+NormalEquations DemandsOf(const WorldSolid& goal, double from_z_mm, const WorldSolid& now, int state_size) {
   NormalEquations normal(state_size);
   for (std::size_t i = 0; i < now.vertices.size(); ++i) {
-    const Vector3d& goal = before.vertices[i].point;
-    if (goal.z() < stays_mm) continue;
+    const Vector3d& at = goal.vertices[i].point;
+    if (at.z() < from_z_mm) continue;
     for (int axis = 0; axis < 3; ++axis)
-      normal.Add(now.vertices[i].by_state.row(axis), now.vertices[i].point[axis] - goal[axis], 1);
+      normal.Add(now.vertices[i].by_state.row(axis), now.vertices[i].point[axis] - at[axis], 1);
   }
   for (std::size_t i = 0; i < now.circles.size(); ++i) {
-    const auto &c = now.circles[i], &goal = before.circles[i];
-    if (goal.center.point.z() < stays_mm) continue;
+    const auto &c = now.circles[i], &at = goal.circles[i];
+    if (at.center.point.z() < from_z_mm) continue;
     for (int axis = 0; axis < 3; ++axis)
-      normal.Add(c.center.by_state.row(axis), c.center.point[axis] - goal.center.point[axis], 1);
-    normal.Add(c.radius_by_state, c.radius_mm - goal.radius_mm, 1);
+      normal.Add(c.center.by_state.row(axis), c.center.point[axis] - at.center.point[axis], 1);
+    normal.Add(c.radius_by_state, c.radius_mm - at.radius_mm, 1);
   }
   return normal;
 }
@@ -105,29 +105,36 @@ std::vector<Eigen::VectorXd> WeakDirections(const Hypothesis& hypothesis, const 
 
 }  // namespace
 
+std::optional<PlacedObject> MovedTo(const WorldSolid& goal, double from_z_mm, PlacedObject object) {
+  constexpr int kIterations = 4;
+  constexpr double kWeakHold = 1e-3;  // of one vertex: on dimensions that none of those contours shows
+  const std::vector<double> start = object.dimensions_mm;
+  const int n = object.StateSize();
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    auto [a, b] = DemandsOf(goal, from_z_mm, PlaceSolid(object), n);
+    for (int i = kPlacementSize; i < n; ++i) {
+      const auto d = std::size_t(i - kPlacementSize);
+      a(i, i) += kWeakHold;
+      b[i] -= kWeakHold * (object.dimensions_mm[d] - start[d]);
+    }
+    HoldUpright(a, b);
+    const Eigen::VectorXd state = object.State() + Eigen::VectorXd(a.ldlt().solve(b));
+    if (!state.allFinite()) return std::nullopt;
+    object.SetState(state);
+  }
+  return object;
+}
+
 std::optional<Hypothesis> Reseat(const Hypothesis& hypothesis, const SeedContext& context,
                                  double support_z_mm) {
-  constexpr int kIterations = 4;
-  constexpr double kWeakHold = 1e-3;  // of one vertex: on dimensions that no vertex above the support shows
   Hypothesis h = hypothesis;
   const WorldSolid before = PlaceSolid(h.object, false);
   // What is hardly higher than the new support was its own foot, and moves with it.
   const double stays_mm = support_z_mm + 2 * context.mm_per_px;
   h.object.placement[2] = support_z_mm;
-  const int n = h.object.StateSize();
-  const std::vector<double> start = h.object.dimensions_mm;
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
-    auto [a, b] = StayPut(PlaceSolid(h.object), before, stays_mm, n);
-    for (int i = kPlacementSize; i < n; ++i) {
-      const auto d = std::size_t(i - kPlacementSize);
-      a(i, i) += kWeakHold;
-      b[i] -= kWeakHold * (h.object.dimensions_mm[d] - start[d]);
-    }
-    HoldUpright(a, b);
-    const Eigen::VectorXd state = h.object.State() + Eigen::VectorXd(a.ldlt().solve(b));
-    if (!state.allFinite()) return std::nullopt;
-    h.object.SetState(state);
-  }
+  auto moved = MovedTo(before, stays_mm, std::move(h.object));
+  if (!moved) return std::nullopt;
+  h.object = std::move(*moved);
   const auto defs = h.object.model->dimensions();
   if (!InRange(h.object, 2 * context.mm_per_px)) return std::nullopt;
   for (std::size_t i = 0; i < defs.size(); ++i)

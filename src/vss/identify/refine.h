@@ -7,6 +7,11 @@
 
 namespace vss {
 
+// The object moved, its dimensions too, so that its contours lie on those of `goal` (a solid of the same
+// model) that stand at `from_z_mm` (world) and above; its height and tilt are held, as are dimensions that
+// none of them shows. Empty where there is no such place.
+std::optional<PlacedObject> MovedTo(const WorldSolid& goal, double from_z_mm, PlacedObject object);
+
 // The object lifted from its support onto one at `support_z_mm`, its contours above that staying where they
 // are as far as its dimensions allow; empty where the dimensions' ranges forbid it.
 std::optional<Hypothesis> Reseat(const Hypothesis& hypothesis, const SeedContext& context,

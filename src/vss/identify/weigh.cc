@@ -12,6 +12,15 @@ namespace {
 // What is lower than this, in pixels' size, is compared with its own outline painted on the support.
 constexpr double kPaintPx = 12;
 
+// Of the solid's lowest and highest points, z in the world (mm).
+std::pair<double, double> HeightsOf(const WorldSolid& solid) {
+  double low = INFINITY, high = -INFINITY;
+  auto take = [&](double z) { low = std::min(low, z), high = std::max(high, z); };
+  for (const auto& v : solid.vertices) take(v.point.z());
+  for (const auto& c : solid.circles) take(c.center.point.z());
+  return {low, high};
+}
+
 // The solid pressed flat onto its support, with those of its contours that stand above it by more than
 // `elevated_mm`, and by no more than `most_mm`.
 WorldSolid Painted(const WorldSolid& solid, double lowest_z, double elevated_mm, double most_mm) {
@@ -114,15 +123,7 @@ Evidence WeighContours(const WorldSolid& solid, std::span<const int> views, cons
 
 PaintedEvidence WeighPainted(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
                              const WeighOptions& options, const Occluders* others, const Claims* claims) {
-  double low = INFINITY, high = -INFINITY;
-  for (const auto& v : solid.vertices) {
-    low = std::min(low, v.point.z());
-    high = std::max(high, v.point.z());
-  }
-  for (const auto& c : solid.circles) {
-    low = std::min(low, c.center.point.z());
-    high = std::max(high, c.center.point.z());
-  }
+  const auto [low, high] = HeightsOf(solid);
   WeighOptions bare = options;
   bare.rings = options.grey || options.rings;
   bare.keep_matches = bare.grey = false;
@@ -142,7 +143,9 @@ Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneI
                const WeighOptions& options, const Occluders* others, const Claims* claims) {
   Evidence out = WeighContours(solid, views, scene, options, others, claims);
   if (options.rough || out.log_odds <= 0) return out;  // hopeless either way
-  out.elevated_log_odds -= WeighPainted(solid, views, scene, options, others, claims).all;
+  const auto [low, high] = HeightsOf(solid);
+  if (high - low <= kPaintPx * scene.mm_per_px)
+    out.elevated_log_odds -= WeighPainted(solid, views, scene, options, others, claims).all;
   return out;
 }
 
