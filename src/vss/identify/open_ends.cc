@@ -13,6 +13,8 @@ constexpr double kMissing = 0.2, kFound = 0.4;
 // A mean length in a picture (px) and a number of pictures from which on an end is found where it is.
 constexpr double kLeastPx = 7;
 constexpr int kLeastViews = 5;
+// No cable, hose or painted line is thicker.
+constexpr double kThickestCableMm = 60;
 
 bool IsUpright(const SolidFace& face) {
   constexpr double kLevel = 0.02;  // sine
@@ -23,6 +25,12 @@ void Add(const EdgeShown& edge, EdgeShown& all) {
   all.num_views = std::max(all.num_views, edge.num_views);
   all.open_px += edge.open_px;
   all.supported_px += edge.supported_px;
+}
+
+double HeightOf(const WorldSolid& solid) {
+  double low = INFINITY, high = -INFINITY;
+  for (const auto& v : solid.vertices) low = std::min(low, v.point.z()), high = std::max(high, v.point.z());
+  return high - low;
 }
 
 bool IsMissing(const EdgeShown& end) {
@@ -68,6 +76,7 @@ std::vector<OppositeEnds> FindOppositeEnds(const WorldSolid& solid, std::span<co
 }  // namespace
 
 int MissingEnds(const WorldSolid& solid, std::span<const EdgeShown> by_edge) {
+  if (HeightOf(solid) > kThickestCableMm) return 0;
   int most = 0;
   for (const auto& p : FindOppositeEnds(solid, by_edge))
     if (p.sides.Share() > kFound) most = std::max(most, IsMissing(p.ends[0]) + IsMissing(p.ends[1]));

@@ -15,7 +15,8 @@ struct EdgeShown {
 };
 
 // How many of two opposite ends, large enough to be found in several pictures, are not found though lines are
-// on the sides between them: of those two that lack most, 0 to 2. `by_edge`: of the solid's edges.
+// on the sides between them: of those two that lack most, 0 to 2. `by_edge`: of the solid's edges. Of what
+// is higher than cables are thick always 0: flanges and brackets hide and shade the ends of stiffeners.
 int MissingEnds(const WorldSolid& solid, std::span<const EdgeShown> by_edge);
 
 }  // namespace vss

@@ -37,6 +37,14 @@ TEST_F(OpenEnds, ABarWithoutEitherEndLacksBoth) {
   EXPECT_EQ(MissingEnds(solid_, shown_), 2);
 }
 
+TEST_F(OpenEnds, WhatIsHigherThanACableIsThickIsNoLengthOfOne) {
+  Ends({12, 40, 0}, {12, 40, 0});
+  bar_.dimensions_mm = {400, 20, 59};
+  EXPECT_EQ(MissingEnds(PlaceSolid(bar_, false), shown_), 2);
+  bar_.dimensions_mm = {400, 20, 61};
+  EXPECT_EQ(MissingEnds(PlaceSolid(bar_, false), shown_), 0);
+}
+
 TEST_F(OpenEnds, OneEndMayBeMissedOrHidden) {
   Ends({12, 40, 2}, {12, 40, 24});
   EXPECT_EQ(MissingEnds(solid_, shown_), 1);

@@ -251,7 +251,8 @@ SceneChoice::Choice SceneChoice::Replaced(int i, const Choice& choice, std::vect
   with.items.insert(with.items.end(), chain.begin(), chain.end());
   for (int a : fallen) {
     const int twin = data_.items.TwinOn(a, i);
-    if (twin >= 0 && !ConflictsWithAny({twin}, with.items)) with.items.push_back(twin);
+    if (twin >= 0 && !StandsOnRefuted(twin) && !ConflictsWithAny({twin}, with.items))
+      with.items.push_back(twin);
   }
   with.total = Total(with.items);
   return with;
