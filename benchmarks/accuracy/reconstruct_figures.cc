@@ -2,12 +2,15 @@
 //
 //   accuracy_reconstruct_figures OUT [--shared FOLDER] [--only STUDY]... [--scenes N] [--trials N]
 //                                [--first SEED] [--threads N] [--write README] [--show-scene N]
+//                                [--joint PRODUCT|identified]
 //
 // OUT keeps each study's result (and each simulated scene's), so that a run that was stopped goes on; remove
 // a file there to do it again. --shared: the folder that holds surveys/, calibration/ and real/. --write
 // replaces the section between this program's two marks in README by what OUT holds. --only: of those
 // studies that OUT does not hold yet only these. --first: seed of the first of the N scenes. --show-scene:
-// only that simulated scene, edge by edge, and its pictures into the working folder.
+// only that simulated scene, edge by edge, and its pictures into the working folder. --joint: what the study of
+// the T joint's halves starts from: a product.json (t-joint.json beside this file: its two plates, read off the
+// photographs by hand), or what identification makes of it.
 #include <time.h>
 
 #include <set>
@@ -27,6 +30,7 @@ namespace fs = std::filesystem;
 
 struct Arguments {
   fs::path out, shared = VSS_SOURCE_DIR "/../shared", write;
+  fs::path joint = VSS_SOURCE_DIR "/benchmarks/accuracy/t-joint.json";
   std::set<std::string> only;
   int scenes = 200, first_scene = 1, trials = 40, threads = 2, show_scene = 0;
 };
@@ -53,6 +57,8 @@ Arguments Parse(int argc, char** argv) {
       a.threads = std::stoi(next());
     else if (s == "--show-scene")
       a.show_scene = std::stoi(next());
+    else if (s == "--joint")
+      a.joint = next();
     else if (s == "--write")
       a.write = next();
     else if (s.starts_with("--") || !a.out.empty())
@@ -214,13 +220,15 @@ class Studies {
     const Survey survey = OrStop(ReadSurvey(folder));
     SurveyOptions options = OrStop(OptionsOf(survey));
     options.threads = args_.threads;
-    const auto outcome = OrStop(RunSurvey(survey, options, {}));
+    const bool identified = args_.joint == "identified";
+    const Product product =
+        identified ? OrStop(RunSurvey(survey, options, {})).product : OrStop(ReadProduct(args_.joint, {}));
     std::vector<IdentifiedPart> start;
-    for (const auto& part : outcome.product.parts) {
+    for (const auto& part : product.parts) {
       IdentifiedPart& p = start.emplace_back();
       p.object = ObjectOf(part);
-      for (std::size_t i = 0; i < outcome.product.parts.size(); ++i)
-        if (outcome.product.parts[i].id == part.stands_on) p.stands_on = static_cast<int>(i);
+      for (std::size_t i = 0; i < product.parts.size(); ++i)
+        if (product.parts[i].id == part.stands_on) p.stands_on = static_cast<int>(i);
     }
     std::vector<Reconstruction> halves;
     Json out = {
@@ -382,7 +390,9 @@ class Studies {
     const auto poses = o.model->resting_poses();
     for (std::size_t i = 0; i < poses.size(); ++i)
       if (poses[i].name == part.resting_pose) o.resting_pose = static_cast<int>(i);
-    for (const auto& d : part.dimensions) o.dimensions_mm.push_back(d.value_mm);
+    for (const auto& def : o.model->dimensions())
+      for (const auto& d : part.dimensions)
+        if (d.name == def.name) o.dimensions_mm.push_back(d.value_mm);
     o.placement[3] = part.yaw_rad;
     // Where the part frame comes to lie is linear in the place.
     const Eigen::Vector3d at_zero = PlaceSolid(o, false).world_from_part.translation;

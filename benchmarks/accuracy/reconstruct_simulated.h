@@ -243,6 +243,24 @@ inline void Show(const ReconstructedPart& part, const PlacedObject& truth, std::
   for (const auto& r : part.remarks) fmt::print("   {}\n", r);
 }
 
+// To look at where a region misses the truth: of place, yaw and dimensions error, sigma, whether it is called
+// observable, and where a value that is not comes from.
+inline nlohmann::json UnknownErrors(const ReconstructedPart& part, const PlacedObject& truth) {
+  nlohmann::json out = nlohmann::json::array();
+  const Eigen::VectorXd error = part.object.State() - truth.State();
+  const char* const places[] = {"x", "y", "z", "yaw", "tilt x", "tilt y"};
+  for (int i = 0; i < part.object.StateSize(); ++i) {
+    const bool is_place = i < kPlacementSize;
+    const auto d = static_cast<std::size_t>(i - kPlacementSize);
+    out.push_back({{"name", is_place ? std::string(places[i]) : part.dimensions[d].name},
+                   {"error", error[i]},
+                   {"sigma", std::sqrt(std::max(0.0, part.covariance(i, i)))},
+                   {"observable", static_cast<bool>(part.observable[static_cast<std::size_t>(i)])}});
+    if (!is_place && !part.dimensions[d].observable) out.back()["origin"] = part.dimensions[d].origin;
+  }
+  return out;
+}
+
 // One scene of five parts in eight pictures of the calibrated rig: shadows, texture, noise; the rig truly
 // stands off its files by errors of their covariance, the stops by 0.15 mm.
 inline nlohmann::json CalibratedTrial(std::uint64_t seed, const KnowledgeBase& knowledge,
@@ -291,7 +309,8 @@ inline nlohmann::json CalibratedTrial(std::uint64_t seed, const KnowledgeBase& k
                    {"dimension_z", e.dimension_z},
                    {"region", e.region},
                    {"region_size", e.region_size},
-                   {"not_observable", e.not_observable}});
+                   {"not_observable", e.not_observable},
+                   {"unknowns", UnknownErrors(result.parts[p], truth[p].object)}});
   }
   return {{"parts", out}};
 }

@@ -299,6 +299,11 @@ void Adjustment::Pin(bool shared_free) {
 }
 
 void Adjustment::Build(bool shared_free) {
+  BuildUnpinned(shared_free);
+  Pin(shared_free);
+}
+
+void Adjustment::BuildUnpinned(bool shared_free) {
   layout_ = MakeLayout();
   h_ = MatrixXd::Zero(layout_.size, layout_.size);
   g_ = VectorXd::Zero(layout_.size);
@@ -317,7 +322,6 @@ void Adjustment::Build(bool shared_free) {
   }
   AddPriors(shared_free);
   AddTies();
-  Pin(shared_free);
 }
 
 void Adjustment::Apply(const VectorXd& step) {
@@ -366,10 +370,32 @@ double Adjustment::Solve(int max_steps, bool shared_free) {
   return moved;
 }
 
+// With x the free unknowns and y the held ones, H_xx dx = -H_xy dy: a held value's error moves the solution by
+// -H_xx^-1 H_xy times it.
 void Adjustment::ComputeCovariance() {
-  Build(options.adjust_cameras);
-  covariance_ =
-      h_.selfadjointView<Eigen::Lower>().ldlt().solve(MatrixXd::Identity(layout_.size, layout_.size));
+  BuildUnpinned(options.adjust_cameras);
+  std::vector<std::pair<int, double>> held;  // unknown, sigma
+  for (std::size_t p = 0; p < parts.size(); ++p)
+    for (Eigen::Index i = 0; i < parts[p].held_sigma.size(); ++i)
+      if (parts[p].held_sigma[i] > 0 && !parts[p].free[static_cast<std::size_t>(i)])
+        held.emplace_back(layout_.part[p] + static_cast<int>(i), parts[p].held_sigma[i]);
+  MatrixXd coupling(layout_.size, held.size());
+  for (std::size_t k = 0; k < held.size(); ++k) {
+    const Eigen::Index at = held[k].first;
+    auto column = coupling.col(static_cast<Eigen::Index>(k));
+    column.head(at) = h_.row(at).head(at).transpose();
+    column.tail(layout_.size - at) = h_.col(at).tail(layout_.size - at);
+    column *= held[k].second;
+  }
+  const auto pinned = Pinned(options.adjust_cameras);
+  for (Eigen::Index i = 0; i < layout_.size; ++i)
+    if (pinned[static_cast<std::size_t>(i)]) coupling.row(i).setZero();
+  Pin(options.adjust_cameras);
+  const auto solver = h_.selfadjointView<Eigen::Lower>().ldlt();
+  covariance_ = solver.solve(MatrixXd::Identity(layout_.size, layout_.size));
+  by_held_ = -covariance_ * coupling;
+  for (std::size_t k = 0; k < held.size(); ++k)
+    by_held_(held[k].first, static_cast<Eigen::Index>(k)) = held[k].second;
 }
 
 }  // namespace vss

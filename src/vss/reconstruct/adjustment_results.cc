@@ -54,13 +54,19 @@ Adjustment::Gain Adjustment::GainOfFreeingGround() {
   return out;
 }
 
-MatrixXd Adjustment::PartCovariance(int part) const {
+MatrixXd Adjustment::CovarianceOfFree(int part) const {
   const auto p = static_cast<std::size_t>(part);
   const int n = parts[p].object.StateSize();
   MatrixXd c = covariance_.block(layout_.part[p], layout_.part[p], n, n);
   for (int i = 0; i < n; ++i)
     if (!parts[p].free[static_cast<std::size_t>(i)]) c.row(i).setZero(), c.col(i).setZero();
   return c;
+}
+
+MatrixXd Adjustment::PartCovariance(int part) const {
+  const auto p = static_cast<std::size_t>(part);
+  const auto by_held = by_held_.middleRows(layout_.part[p], parts[p].object.StateSize());
+  return CovarianceOfFree(part) + by_held * by_held.transpose();
 }
 
 MatrixXd Adjustment::CameraCovariance(int camera) const {
@@ -140,7 +146,7 @@ std::vector<Adjustment::Change> Adjustment::ChangesWithout(int view) const {
 
 MatrixXd Adjustment::DataInformation(int part) const {
   const auto& p = parts[static_cast<std::size_t>(part)];
-  const MatrixXd c = PartCovariance(part);
+  const MatrixXd c = CovarianceOfFree(part);
   std::vector<int> free;
   for (int i = 0; i < c.rows(); ++i)
     if (p.free[static_cast<std::size_t>(i)]) free.push_back(i);

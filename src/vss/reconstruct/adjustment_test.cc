@@ -60,6 +60,40 @@ TEST(Adjustment, CovarianceIsTheScatterOfSimulatedScenes) {
   EXPECT_LE(covered, count);
 }
 
+// The box's length and height are held at values off by their sigma, and nothing else is off: the tee on it is
+// as high as the box is taken to be.
+TEST(Adjustment, WhatHangsOnAHeldDimensionIsAsUncertainAsThat) {
+  const Scene scene;
+  constexpr int kRuns = 40, kLength = kPlacementSize, kHeight = kPlacementSize + 2, kTeeZ = 2;
+  constexpr double kHeldSigmaMm = 0.5;
+  std::mt19937 random(13);
+  std::normal_distribution<double> off(0, kHeldSigmaMm);
+  double squares = 0, variances = 0, taken_for_certain = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    Adjustment a = scene.Make();
+    Observe(a, 0.02, random, a.groups);
+    auto& box = a.parts[0];
+    box.held_sigma = VectorXd::Zero(box.object.StateSize());
+    for (int i : {kLength, kHeight}) {
+      box.free[static_cast<std::size_t>(i)] = false;
+      box.held_sigma[i] = kHeldSigmaMm;
+      box.object.dimensions_mm[static_cast<std::size_t>(i - kPlacementSize)] += off(random);
+    }
+    a.Solve(6, true);
+    a.ComputeCovariance();
+    squares += std::pow(a.parts[1].object.placement[kTeeZ] - scene.parts[1].object.placement[kTeeZ], 2);
+    variances += a.PartCovariance(1)(kTeeZ, kTeeZ);
+    EXPECT_NEAR(std::sqrt(a.PartCovariance(0)(kLength, kLength)), kHeldSigmaMm, 1e-9);
+    box.held_sigma.setZero();
+    a.ComputeCovariance();
+    EXPECT_EQ(a.PartCovariance(0)(kLength, kLength), 0);
+    taken_for_certain += a.PartCovariance(1)(kTeeZ, kTeeZ);
+  }
+  EXPECT_GT(squares, 0.5 * variances);
+  EXPECT_LT(squares, 1.7 * variances);
+  EXPECT_LT(taken_for_certain, 0.5 * variances);
+}
+
 TEST(Adjustment, AStopThatIsOffIsFound) {
   const Scene scene;
   Adjustment truth = scene.Make();
