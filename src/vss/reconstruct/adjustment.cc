@@ -1,6 +1,7 @@
 #include "vss/reconstruct/adjustment.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -370,32 +371,30 @@ double Adjustment::Solve(int max_steps, bool shared_free) {
   return moved;
 }
 
-// With x the free unknowns and y the held ones, H_xx dx = -H_xy dy: a held value's error moves the solution by
-// -H_xx^-1 H_xy times it.
+// With x the free unknowns and y the held ones, H_xx dx = -H_xy dy: errors of the held ones move the solution by
+// -H_xx^-1 H_xy times them.
 void Adjustment::ComputeCovariance() {
   BuildUnpinned(options.adjust_cameras);
-  std::vector<std::pair<int, double>> held;  // unknown, sigma
-  for (std::size_t p = 0; p < parts.size(); ++p)
-    for (Eigen::Index i = 0; i < parts[p].held_sigma.size(); ++i)
-      if (parts[p].held_sigma[i] > 0 && !parts[p].free[static_cast<std::size_t>(i)])
-        held.emplace_back(layout_.part[p] + static_cast<int>(i), parts[p].held_sigma[i]);
-  MatrixXd coupling(layout_.size, held.size());
-  for (std::size_t k = 0; k < held.size(); ++k) {
-    const Eigen::Index at = held[k].first;
-    auto column = coupling.col(static_cast<Eigen::Index>(k));
-    column.head(at) = h_.row(at).head(at).transpose();
-    column.tail(layout_.size - at) = h_.col(at).tail(layout_.size - at);
-    column *= held[k].second;
-  }
+  by_held_ = MatrixXd::Zero(layout_.size, 0);
   const auto pinned = Pinned(options.adjust_cameras);
-  for (Eigen::Index i = 0; i < layout_.size; ++i)
-    if (pinned[static_cast<std::size_t>(i)]) coupling.row(i).setZero();
+  const MatrixXd unpinned = h_.selfadjointView<Eigen::Lower>();
   Pin(options.adjust_cameras);
   const auto solver = h_.selfadjointView<Eigen::Lower>().ldlt();
   covariance_ = solver.solve(MatrixXd::Identity(layout_.size, layout_.size));
-  by_held_ = -covariance_ * coupling;
-  for (std::size_t k = 0; k < held.size(); ++k)
-    by_held_(held[k].first, static_cast<Eigen::Index>(k)) = held[k].second;
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    if (parts[p].held_covariance.isZero(0)) continue;
+    const auto size = parts[p].held_covariance.rows();
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(parts[p].held_covariance);
+    const MatrixXd errors =
+        eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
+    MatrixXd coupling = unpinned.middleCols(layout_.part[p], size) * errors;
+    for (Eigen::Index i = 0; i < layout_.size; ++i)
+      if (pinned[static_cast<std::size_t>(i)]) coupling.row(i).setZero();
+    const auto before = by_held_.cols();
+    by_held_.conservativeResize(Eigen::NoChange, before + size);
+    by_held_.rightCols(size) = -solver.solve(coupling);
+    by_held_.middleRows(layout_.part[p], size).rightCols(size) += errors;
+  }
 }
 
 }  // namespace vss

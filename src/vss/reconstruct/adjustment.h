@@ -61,10 +61,9 @@ struct AdjustedPart {
   int stands_on = -1;                        // index of a part, -1: the ground, kLoose: nothing known
   bool leans = false;                        // against the ground's slope
   std::vector<bool> free;                    // of the state
-  // Of what is held, not free: how well its value is known (0: it is certain). It does not move, but what is
-  // found with it held is off by as much as it is, and the covariance says so: a considered parameter
-  // (Schmidt 1966).
-  Eigen::VectorXd held_sigma;
+  // Of what is held, not free: how well its value is known (zero or empty: it is certain). It does not move, but
+  // what hangs on it is off as it is, and the covariance says so: considered parameters (Schmidt 1966).
+  Eigen::MatrixXd held_covariance;  // of the state
   Eigen::VectorXd prior_value, prior_sigma;  // of the state: weak, so that the system always has one solution
   // What pulls a contour the same way in all pictures (chamfer, contact shadow), along the observations'
   // normal; it cannot be told from the part's shape, so that its prior sigma bounds how well the shape is
@@ -174,7 +173,7 @@ class Adjustment {
   void FreeGround();
 
   // Blocks of the covariance; unknowns that are not free have zero rows, but what is held and known so and so
-  // well (AdjustedPart::held_sigma) has its variance there, and its covariance with all that hangs on it.
+  // well (AdjustedPart::held_covariance) has its variance there, and its covariance with all that hangs on it.
   Eigen::MatrixXd PartCovariance(int part) const;
   Eigen::MatrixXd CameraCovariance(int camera) const;
   Eigen::Matrix3d StopCovariance(int stop) const;
@@ -228,7 +227,7 @@ class Adjustment {
   std::vector<int> camera_of_view_, stop_of_view_;
   Layout layout_;
   Eigen::MatrixXd h_, covariance_;  // the latter with what is held taken for certain
-  Eigen::MatrixXd by_held_;         // of all unknowns: the error by each held one's sigma
+  Eigen::MatrixXd by_held_;         // times its transpose: what errors of the held ones add to it
   Eigen::VectorXd g_;
   // Intrinsics of cameras whose lens is adjusted, changed by their corrections (AdjustedViews points into
   // it).

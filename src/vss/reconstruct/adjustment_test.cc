@@ -73,10 +73,10 @@ TEST(Adjustment, WhatHangsOnAHeldDimensionIsAsUncertainAsThat) {
     Adjustment a = scene.Make();
     Observe(a, 0.02, random, a.groups);
     auto& box = a.parts[0];
-    box.held_sigma = VectorXd::Zero(box.object.StateSize());
+    box.held_covariance = MatrixXd::Zero(box.object.StateSize(), box.object.StateSize());
     for (int i : {kLength, kHeight}) {
       box.free[static_cast<std::size_t>(i)] = false;
-      box.held_sigma[i] = kHeldSigmaMm;
+      box.held_covariance(i, i) = kHeldSigmaMm * kHeldSigmaMm;
       box.object.dimensions_mm[static_cast<std::size_t>(i - kPlacementSize)] += off(random);
     }
     a.Solve(6, true);
@@ -84,7 +84,7 @@ TEST(Adjustment, WhatHangsOnAHeldDimensionIsAsUncertainAsThat) {
     squares += std::pow(a.parts[1].object.placement[kTeeZ] - scene.parts[1].object.placement[kTeeZ], 2);
     variances += a.PartCovariance(1)(kTeeZ, kTeeZ);
     EXPECT_NEAR(std::sqrt(a.PartCovariance(0)(kLength, kLength)), kHeldSigmaMm, 1e-9);
-    box.held_sigma.setZero();
+    box.held_covariance.setZero();
     a.ComputeCovariance();
     EXPECT_EQ(a.PartCovariance(0)(kLength, kLength), 0);
     taken_for_certain += a.PartCovariance(1)(kTeeZ, kTeeZ);

@@ -469,6 +469,9 @@ class Reconstructor {
         known.push_back(ok ? std::optional(part.object.dimensions_mm[i]) : std::nullopt);
       }
       if (all) continue;
+      std::vector<bool> held;
+      for (const auto& k : known) held.push_back(!k);
+      part.held_covariance = CovarianceOfHeld(a, p, held);
       // Back to what identification gave: from its lines, or from the knowledge base where it saw none. What
       // was captured is held already.
       for (std::size_t i = 0; i < known.size(); ++i) {
@@ -482,6 +485,28 @@ class Reconstructor {
       constexpr int kSteps = 3;
       a.Solve(kSteps, true);
     }
+  }
+
+  // How well what is held is known. The value that is kept is off by what it lies from the pictures' and by what
+  // that is off, however weakly they tell; of what was captured they tell nothing.
+  MatrixXd CovarianceOfHeld(const Adjustment& a, std::size_t p, const std::vector<bool>& held) const {
+    const auto& part = a.parts[p];
+    const auto defs = part.object.model->dimensions();
+    const MatrixXd by_pictures = a.PartCovariance(static_cast<int>(p));
+    VectorXd off = VectorXd::Zero(part.object.StateSize());
+    std::vector<Eigen::Index> measured;
+    MatrixXd out = MatrixXd::Zero(off.size(), off.size());
+    for (std::size_t i = 0; i < defs.size(); ++i) {
+      const auto at = kPlacementSize + static_cast<Eigen::Index>(i);
+      if (captured_[p][i]) {
+        out(at, at) = std::pow(std::min(kPriorDimensionMm, RangeSigma(defs[i])), 2);
+      } else if (held[i]) {
+        off[at] = given_[p].object.dimensions_mm[i] - part.object.dimensions_mm[i];
+        measured.push_back(at);
+      }
+    }
+    out(measured, measured) = by_pictures(measured, measured) + off(measured) * off(measured).transpose();
+    return out;
   }
 
   Reconstruction Report(Adjustment& a) const {
@@ -517,7 +542,7 @@ class Reconstructor {
       d.observable = observable_[p][static_cast<std::size_t>(at)];
       if (!d.observable) {
         // Not measured: known no better than its range.
-        out.covariance(at, at) = RangeSigma(defs[i]) * RangeSigma(defs[i]);
+        out.covariance(at, at) = std::max(out.covariance(at, at), RangeSigma(defs[i]) * RangeSigma(defs[i]));
         d.origin = OriginOfHeld(defs[i], captured_[p][i]);
       }
       d.sigma_mm = std::sqrt(std::max(0.0, out.covariance(at, at)));
