@@ -33,6 +33,8 @@ constexpr double kTiltChiSquare = 18.4;    // two degrees of freedom, 1 in 10000
 constexpr double kGroundChiSquare = 21.1;  // three degrees of freedom, 1 in 10000
 constexpr double kGroundSigmas = 3;        // of how well the ground is z = 0
 constexpr double kGroundPx = 0.5;          // less is what shadows on it make
+// Flame-cut edges are that far from straight and square: EN ISO 9013, range 4, plates of some 10 mm.
+constexpr double kCutEdgeMm = 1;
 constexpr double kReconsiderPx = 1.2;      // an edge is looked for that far from where a dimension has it
 
 std::vector<WorldSolid> PlaceAll(const std::vector<AdjustedPart>& parts) {
@@ -70,14 +72,21 @@ class Reconstructor {
                       options_.limb_bias_px, options_.shadowed_bias_px};
     Adjustment a(views_, std::move(parts), MakeCameras(views_, priors), MakeStops(views_), adjust);
     constexpr int kRounds = 4, kSteps = 4;
+    // Narrower from round to round, but not so that edges that run off the model's lie outside: of those the parts
+    // that happen to lie within would be met alone, and seem to say that all is well.
+    const double widest_px = std::max(options_.search_px, kCutEdgeMm / TypicalMmPerPx(views_));
+    double scatter_px = 0;
     const auto search_of = [&](int round) {
-      return std::max(options_.search_px * std::pow(0.6, round), 0.8);
+      constexpr double kNarrower = 0.6, kNarrowestPx = 0.8, kScatters = 3;
+      const double as_they_lie = std::min(widest_px, kScatters * scatter_px);
+      return std::max({widest_px * std::pow(kNarrower, round), kNarrowestPx, as_they_lie});
     };
     for (int round = 0; round < kRounds; ++round) {
       if (progress_.Cancelled()) return Cancelled();
       progress_.Report("reconstruct", round, kRounds);
       Measure(a, search_of(round));
       a.Solve(kSteps, round > 0);
+      scatter_px = ScatterOf(a);
       if (round == 1 && options_.allow_ground) DecideGround(a);
       if (round == 1 && options_.allow_tilt) DecideTilts(a);
       if (round + 2 == kRounds) {
@@ -142,7 +151,7 @@ class Reconstructor {
     ParallelFor(views.size(), threads_, [&](std::size_t i) {
       const std::size_t v = views[i];
       support[i] = MeasureView(solids, others, views_[v], static_cast<int>(v), pictures_[v], states_[v],
-                               {kReconsiderPx, options_.piece_length_px, static_cast<int>(p)})
+                               {kReconsiderPx, PieceLengthPx(), static_cast<int>(p)})
                        .support[p];
     });
     return support;
@@ -158,6 +167,21 @@ class Reconstructor {
       views += support[i] > before[i] + kPiecePx;
     }
     return views >= 2 ? gain : 0;
+  }
+
+  // Of all measured edge points around the model's edges, one sigma by the nearer half of them.
+  static double ScatterOf(const Adjustment& a) {
+    constexpr double kSigmasAtHalf = 0.6745;
+    std::vector<double> off;
+    for (const auto& g : a.groups)
+      for (const auto& o : g.observations) off.push_back(std::abs(o.residual_px));
+    return Median(off) / kSigmasAtHalf;
+  }
+
+  // Shorter pieces meet a cut's grooves and a surface's grain one by one, not the edge.
+  double PieceLengthPx() const {
+    constexpr double kGroovesMm = 5;
+    return std::max(options_.piece_length_px, kGroovesMm / TypicalMmPerPx(views_));
   }
 
   // Views that see most of a part.
@@ -278,7 +302,7 @@ class Reconstructor {
     std::vector<Measured> found(views.size());
     ParallelFor(views.size(), threads_, [&](std::size_t v) {
       found[v] = MeasureView(solids, others, views[v], static_cast<int>(v), pictures_[v], states_[v],
-                             {search_px, options_.piece_length_px});
+                             {search_px, PieceLengthPx()});
     });
     a.groups.clear();
     constexpr std::size_t kEnough = 20;
