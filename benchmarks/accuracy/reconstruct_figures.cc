@@ -8,9 +8,9 @@
 // a file there to do it again. --shared: the folder that holds surveys/, calibration/ and real/. --write
 // replaces the section between this program's two marks in README by what OUT holds. --only: of those
 // studies that OUT does not hold yet only these. --first: seed of the first of the N scenes. --show-scene:
-// only that simulated scene, edge by edge, and its pictures into the working folder. --joint: what the study of
-// the T joint's halves starts from: a product.json (t-joint.json beside this file: its two plates, read off the
-// photographs by hand), or what identification makes of it.
+// only that simulated scene, edge by edge, and its pictures into the working folder. --joint: what the study
+// of the T joint's halves starts from: a product.json (t-joint.json beside this file: its two plates, read
+// off the photographs by hand), or what identification makes of it.
 #include <time.h>
 
 #include <set>
@@ -214,7 +214,8 @@ class Studies {
     return out;
   }
 
-  // What is known of the T joint's photographs (shared/README.md) where the survey's file has no place for it.
+  // What is known of the T joint's photographs (shared/README.md) where the survey's file has no place for
+  // it.
   static void KnownOfJoint(ReconstructOptions& o) {
     o.picture_position_sigma_mm = 1, o.picture_rotation_sigma_mrad = 1;  // 0.3 to 1.2 mm, 0.2 to 2 mrad
     o.allow_ground = false, o.ground_sigma_mm = 0.4;  // the table was measured: z = 0, 0.4 mm RMS
@@ -241,9 +242,10 @@ class Studies {
     std::vector<Reconstruction> halves;
     Json out = {
         {"dimensions", Json::array()}, {"residual_px", Json::array()}, {"photographs", Json::array()}};
-    out["start"] = identified ? "what identification makes of all together"
-                              : "two plates read off the photographs by hand to some 5 mm "
-                                "(`benchmarks/accuracy/t-joint.json`; `--joint identified` starts from identification)";
+    out["start"] =
+        identified ? "what identification makes of all together"
+                   : "two plates read off the photographs by hand to some 5 mm "
+                     "(`benchmarks/accuracy/t-joint.json`; `--joint identified` starts from identification)";
     for (const int half : {-1, 0, 1}) {
       const LoadedSurvey data(survey, args_.threads,
                               [&](int image, int) { return half < 0 || image % 2 == half; });
@@ -534,12 +536,15 @@ std::string HalvesText(const Json& h) {
   return fmt::format(
              "\nThe T joint (real photographs, no dimension known): every second photograph against the "
              "others, both started from {}. {:.2f} mm in the median, {:.1f} sigma at most (goals: 0.7 mm, 3 "
-             "sigma); in the mean of a photograph the contours lie {:.1f} px RMS off the edges ({:.2f} mm). What "
-             "is left is the plates' own: their edges are flame-cut, grooved and rounded by up to a millimetre, "
+             "sigma); in the mean of a photograph the contours lie {:.1f} px RMS off the edges ({:.2f} mm). "
+             "What "
+             "is left is the plates' own: their edges are flame-cut, grooved and rounded by up to a "
+             "millimetre, "
              "so that from another side another line is the edge, of the upright plate's narrow top most of "
              "all, and the pictures' places, known to about a millimetre, follow it.\n\n"
              "| part, dimension | all (mm) | one half | other half | difference |\n|---|---|---|---|---|\n",
-             h["start"].get<std::string>(), Quantile(differences, 0.5), Quantile(z, 1), residual, residual * h["mm_per_px"].get<double>()) +
+             h["start"].get<std::string>(), Quantile(differences, 0.5), Quantile(z, 1), residual,
+             residual * h["mm_per_px"].get<double>()) +
          rows;
 }
 

@@ -371,8 +371,8 @@ double Adjustment::Solve(int max_steps, bool shared_free) {
   return moved;
 }
 
-// With x the free unknowns and y the held ones, H_xx dx = -H_xy dy: errors of the held ones move the solution by
-// -H_xx^-1 H_xy times them.
+// With x the free unknowns and y the held ones, H_xx dx = -H_xy dy: errors of the held ones move the solution
+// by -H_xx^-1 H_xy times them.
 void Adjustment::ComputeCovariance() {
   BuildUnpinned(options.adjust_cameras);
   by_held_ = MatrixXd::Zero(layout_.size, 0);
@@ -385,8 +385,7 @@ void Adjustment::ComputeCovariance() {
     if (parts[p].held_covariance.isZero(0)) continue;
     const auto size = parts[p].held_covariance.rows();
     const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(parts[p].held_covariance);
-    const MatrixXd errors =
-        eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
+    const MatrixXd errors = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
     MatrixXd coupling = unpinned.middleCols(layout_.part[p], size) * errors;
     for (Eigen::Index i = 0; i < layout_.size; ++i)
       if (pinned[static_cast<std::size_t>(i)]) coupling.row(i).setZero();

@@ -58,12 +58,12 @@ inline int ContourKey(const ContourSample& s) {
 
 struct AdjustedPart {
   PlacedObject object;
-  int stands_on = -1;                        // index of a part, -1: the ground, kLoose: nothing known
-  bool leans = false;                        // against the ground's slope
-  std::vector<bool> free;                    // of the state
-  // Of what is held, not free: how well its value is known (zero or empty: it is certain). It does not move, but
-  // what hangs on it is off as it is, and the covariance says so: considered parameters (Schmidt 1966).
-  Eigen::MatrixXd held_covariance;  // of the state
+  int stands_on = -1;      // index of a part, -1: the ground, kLoose: nothing known
+  bool leans = false;      // against the ground's slope
+  std::vector<bool> free;  // of the state
+  // Of what is held, not free: how well its value is known (zero or empty: it is certain). It does not move,
+  // but what hangs on it is off as it is, and the covariance says so: considered parameters (Schmidt 1966).
+  Eigen::MatrixXd held_covariance;           // of the state
   Eigen::VectorXd prior_value, prior_sigma;  // of the state: weak, so that the system always has one solution
   // What pulls a contour the same way in all pictures (chamfer, contact shadow), along the observations'
   // normal; it cannot be told from the part's shape, so that its prior sigma bounds how well the shape is
@@ -173,7 +173,8 @@ class Adjustment {
   void FreeGround();
 
   // Blocks of the covariance; unknowns that are not free have zero rows, but what is held and known so and so
-  // well (AdjustedPart::held_covariance) has its variance there, and its covariance with all that hangs on it.
+  // well (AdjustedPart::held_covariance) has its variance there, and its covariance with all that hangs on
+  // it.
   Eigen::MatrixXd PartCovariance(int part) const;
   Eigen::MatrixXd CameraCovariance(int camera) const;
   Eigen::Matrix3d StopCovariance(int stop) const;

@@ -60,8 +60,8 @@ TEST(Adjustment, CovarianceIsTheScatterOfSimulatedScenes) {
   EXPECT_LE(covered, count);
 }
 
-// The box's length and height are held at values off by their sigma, and nothing else is off: the tee on it is
-// as high as the box is taken to be.
+// The box's length and height are held at values off by their sigma, and nothing else is off: the tee on it
+// is as high as the box is taken to be.
 TEST(Adjustment, WhatHangsOnAHeldDimensionIsAsUncertainAsThat) {
   const Scene scene;
   constexpr int kRuns = 40, kLength = kPlacementSize, kHeight = kPlacementSize + 2, kTeeZ = 2;

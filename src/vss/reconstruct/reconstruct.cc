@@ -35,7 +35,7 @@ constexpr double kGroundSigmas = 3;        // of how well the ground is z = 0
 constexpr double kGroundPx = 0.5;          // less is what shadows on it make
 // Flame-cut edges are that far from straight and square: EN ISO 9013, range 4, plates of some 10 mm.
 constexpr double kCutEdgeMm = 1;
-constexpr double kReconsiderPx = 1.2;      // an edge is looked for that far from where a dimension has it
+constexpr double kReconsiderPx = 1.2;  // an edge is looked for that far from where a dimension has it
 
 std::vector<WorldSolid> PlaceAll(const std::vector<AdjustedPart>& parts) {
   std::vector<WorldSolid> solids;
@@ -72,8 +72,8 @@ class Reconstructor {
                       options_.limb_bias_px, options_.shadowed_bias_px};
     Adjustment a(views_, std::move(parts), MakeCameras(views_, priors), MakeStops(views_), adjust);
     constexpr int kRounds = 4, kSteps = 4;
-    // Narrower from round to round, but not so that edges that run off the model's lie outside: of those the parts
-    // that happen to lie within would be met alone, and seem to say that all is well.
+    // Narrower from round to round, but not so that edges that run off the model's lie outside: of those the
+    // parts that happen to lie within would be met alone, and seem to say that all is well.
     const double widest_px = std::max(options_.search_px, kCutEdgeMm / TypicalMmPerPx(views_));
     double scatter_px = 0;
     const auto search_of = [&](int round) {
@@ -511,8 +511,8 @@ class Reconstructor {
     }
   }
 
-  // How well what is held is known. The value that is kept is off by what it lies from the pictures' and by what
-  // that is off, however weakly they tell; of what was captured they tell nothing.
+  // How well what is held is known. The value that is kept is off by what it lies from the pictures' and by
+  // what that is off, however weakly they tell; of what was captured they tell nothing.
   MatrixXd CovarianceOfHeld(const Adjustment& a, std::size_t p, const std::vector<bool>& held) const {
     const auto& part = a.parts[p];
     const auto defs = part.object.model->dimensions();
