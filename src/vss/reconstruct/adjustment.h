@@ -118,7 +118,7 @@ struct AdjustmentOptions {
   double common_pull_px = 0.2;
   double ground_height_sigma_mm = 50, ground_slope_sigma = 0.05;  // where it is free: weak
   // What may pull a contour in all pictures alike, by class; and an edge of short pieces, px * px^2.
-  std::array<double, kNumContourClasses> bias_px{0.02, 0.2, 0.05, 0.5, 0.6};
+  std::array<double, kNumContourClasses> bias_px{0.02, 0.2, 0.05, 0.5, 0.35};
   // That many times as much where another contour lies nearer than so many blurs: their steps run into each
   // other (accuracy_pulls).
   double near_factor = 2.5, near_blurs = 3;

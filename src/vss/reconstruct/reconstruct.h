@@ -33,7 +33,7 @@ struct ReconstructOptions {
   double ground_sigma_mm = 0.1, contact_sigma_mm = 0.1;
   // What may pull an edge alike in all pictures: chamfers, contact shadows, a cylinder's shading, a shadow.
   double free_bias_px = 0.02, contact_bias_px = 0.2, round_bias_px = 0.05, limb_bias_px = 0.5,
-         shadowed_bias_px = 0.6;
+         shadowed_bias_px = 0.35;
   double tilt_sigma_deg = 1;
   bool allow_tilt = true, allow_ground = true;
   bool full_covariance = false;
