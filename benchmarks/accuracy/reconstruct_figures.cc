@@ -537,11 +537,10 @@ std::string HalvesText(const Json& h) {
              "\nThe T joint (real photographs, no dimension known): every second photograph against the "
              "others, both started from {}. {:.2f} mm in the median, {:.1f} sigma at most (goals: 0.7 mm, 3 "
              "sigma); in the mean of a photograph the contours lie {:.1f} px RMS off the edges ({:.2f} mm). "
-             "What "
-             "is left is the plates' own: their edges are flame-cut, grooved and rounded by up to a "
-             "millimetre, "
-             "so that from another side another line is the edge, of the upright plate's narrow top most of "
-             "all, and the pictures' places, known to about a millimetre, follow it.\n\n"
+             "By the overlays what is left is the plates' own: edges that are flame-cut, grooved and rounded "
+             "by up "
+             "to a millimetre, so that from another side another line is the edge; that was not tested by "
+             "itself.\n\n"
              "| part, dimension | all (mm) | one half | other half | difference |\n|---|---|---|---|---|\n",
              h["start"].get<std::string>(), Quantile(differences, 0.5), Quantile(z, 1), residual,
              residual * h["mm_per_px"].get<double>()) +

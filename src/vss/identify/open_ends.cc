@@ -4,6 +4,8 @@
 #include <cmath>
 #include <vector>
 
+#include "vss/identify/weigh.h"
+
 namespace vss {
 namespace {
 
@@ -25,12 +27,6 @@ void Add(const EdgeShown& edge, EdgeShown& all) {
   all.num_views = std::max(all.num_views, edge.num_views);
   all.open_px += edge.open_px;
   all.supported_px += edge.supported_px;
-}
-
-double HeightOf(const WorldSolid& solid) {
-  double low = INFINITY, high = -INFINITY;
-  for (const auto& v : solid.vertices) low = std::min(low, v.point.z()), high = std::max(high, v.point.z());
-  return high - low;
 }
 
 bool IsMissing(const EdgeShown& end) {
@@ -76,7 +72,7 @@ std::vector<OppositeEnds> FindOppositeEnds(const WorldSolid& solid, std::span<co
 }  // namespace
 
 int MissingEnds(const WorldSolid& solid, std::span<const EdgeShown> by_edge) {
-  if (HeightOf(solid) > kThickestCableMm) return 0;
+  if (const auto [low, high] = HeightsOf(solid); high - low > kThickestCableMm) return 0;
   int most = 0;
   for (const auto& p : FindOppositeEnds(solid, by_edge))
     if (p.sides.Share() > kFound) most = std::max(most, IsMissing(p.ends[0]) + IsMissing(p.ends[1]));

@@ -89,7 +89,8 @@ class Outline {
 }  // namespace
 
 std::optional<Hypothesis> OutOfItsShadow(const Hypothesis& hypothesis, const SeedContext& context) {
-  // In finer pictures a shadow is wide enough to have borders of its own, and paint stands out by its blur.
+  // In finer pictures a shadow is wide enough to have borders of its own, and mm tell paint: raised, it would
+  // pass for a plate.
   if (context.mm_per_px < kFinestClutterPixelMm) return std::nullopt;
   const Outline outline(hypothesis.object, context.mm_per_px);
   if (!(outline.HeightPx() >= kLeastPx && outline.HeightPx() < kMostPx)) return std::nullopt;

@@ -56,8 +56,8 @@ struct Scene : test::FourViews {
     index = MakeSceneIndex(views, 1.5, 1);
   }
 
-  std::optional<Hypothesis> Corrected(const PlacedObject& read) {
-    const SeedContext context{.scene = index, .lines = {}, .circles = {}, .mm_per_px = kMmPerPx};
+  std::optional<Hypothesis> Corrected(const PlacedObject& read, double mm_per_px = kMmPerPx) {
+    const SeedContext context{.scene = index, .lines = {}, .circles = {}, .mm_per_px = mm_per_px};
     Hypothesis h;
     h.object = read;
     h.views = {0, 1, 2, 3};
@@ -76,6 +76,8 @@ TEST(OutOfItsShadow, FindsTheHeightOfAPlateWhoseShadowDrewItsOutlineDown) {
   EXPECT_NEAR(h->object.dimensions_mm[1], 500, 6);
   EXPECT_NEAR(h->object.dimensions_mm[2], 30, 10);
   EXPECT_NEAR(h->object.placement[2], 0, 1e-9);
+  EXPECT_TRUE(scene.Corrected(scene.Plate(812, 512, 9), kFinestClutterPixelMm));
+  EXPECT_FALSE(scene.Corrected(scene.Plate(812, 512, 9), 0.99 * kFinestClutterPixelMm)) << "fine pictures";
 }
 
 TEST(OutOfItsShadow, LeavesPaintAndWhatIsHighAlone) {

@@ -12,15 +12,6 @@ namespace {
 // What is lower than this, in pixels' size, is compared with its own outline painted on the support.
 constexpr double kPaintPx = 12;
 
-// Of the solid's lowest and highest points, z in the world (mm).
-std::pair<double, double> HeightsOf(const WorldSolid& solid) {
-  double low = INFINITY, high = -INFINITY;
-  auto take = [&](double z) { low = std::min(low, z), high = std::max(high, z); };
-  for (const auto& v : solid.vertices) take(v.point.z());
-  for (const auto& c : solid.circles) take(c.center.point.z());
-  return {low, high};
-}
-
 // The solid pressed flat onto its support, with those of its contours that stand above it by more than
 // `elevated_mm`, and by no more than `most_mm`.
 WorldSolid Painted(const WorldSolid& solid, double lowest_z, double elevated_mm, double most_mm) {
@@ -120,6 +111,14 @@ Evidence WeighContours(const WorldSolid& solid, std::span<const int> views, cons
 }
 
 }  // namespace
+
+std::pair<double, double> HeightsOf(const WorldSolid& solid) {
+  double low = INFINITY, high = -INFINITY;
+  auto take = [&](double z) { low = std::min(low, z), high = std::max(high, z); };
+  for (const auto& v : solid.vertices) take(v.point.z());
+  for (const auto& c : solid.circles) take(c.center.point.z());
+  return {low, high};
+}
 
 PaintedEvidence WeighPainted(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
                              const WeighOptions& options, const Occluders* others, const Claims* claims) {

@@ -2,6 +2,7 @@
 #pragma once
 #include <algorithm>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "vss/identify/contour.h"
@@ -33,6 +34,9 @@ struct Evidence {
   std::vector<EdgeEvidence> edges;
   std::vector<ContourMatch> matches;  // only where asked for
 };
+
+// Of the solid's lowest and highest points, z in the world (mm).
+std::pair<double, double> HeightsOf(const WorldSolid& solid);
 
 Evidence Weigh(const WorldSolid& solid, std::span<const int> views, const SceneIndex& scene,
                const WeighOptions& options, const Occluders* others = nullptr,
