@@ -29,6 +29,7 @@ struct Observation {
   double contrast = 0;
   bool shadowed = false;   // a shadow may lie behind it: ContourClass::kShadowed
   bool saturated = false;  // beside what is brighter than the sensor can say
+  bool is_short = false;   // the edge as a whole, measured with what is around it: short_edge.h
   double weight = 1;       // robust, within its group
   double residual_px = 0;
   double half_length_px = 4;          // of the strip
@@ -46,6 +47,8 @@ struct ObservationGroup {
   double mean_px = 0;        // weighted mean residual
   double sigma_mean_px = 0;  // of the mean, from the observations' own noise
 
+  // Is it an edge of a few pixels?
+  bool IsShort() const { return !observations.empty() && observations.front().is_short; }
   // What pulls this contour in pictures of this kind: with a shadow behind it it is another pull than
   // without.
   int BiasKey() const { return 2 * contour + (edge_class == ContourClass::kShadowed); }
@@ -111,10 +114,19 @@ struct AdjustedGround {
   Eigen::Vector3d Normal() const { return Eigen::Vector3d(-value[1], -value[2], 1).normalized(); }
 };
 
+// An upright face of a part that lies against one of another part: fitted up, or welded.
+struct WallTie {
+  int part = 0, face = 0, other = 0, other_face = 0;
+};
+// Those faces of parts as they stand that lie within `reach_mm` of each other, antiparallel, the middle of
+// the one on the other.
+std::vector<WallTie> FindWallTies(std::span<const AdjustedPart> parts, double reach_mm);
+
 struct AdjustmentOptions {
   bool adjust_cameras = true;
   double ground_sigma_mm = 0.1;
   double contact_sigma_mm = 0.1;
+  double wall_sigma_mm = 1;
   double common_pull_px = 0.2;
   double ground_height_sigma_mm = 50, ground_slope_sigma = 0.05;  // where it is free: weak
   // What may pull a contour in all pictures alike, by class; and an edge of short pieces, px * px^2.
@@ -146,6 +158,7 @@ class Adjustment {
   std::vector<AdjustedStop> stops;
   AdjustedGround ground;
   std::vector<ObservationGroup> groups;
+  std::vector<WallTie> walls;
   std::array<double, kNumContourClasses> systematic_px;
   double camera_scale = 1, stop_scale = 1;  // of the priors' sigmas, estimated
   double scale = 0;                         // of the cameras' places, less one
@@ -171,6 +184,9 @@ class Adjustment {
   Gain GainOfFreeingGround();
   void Lean(int part, double tilt_sigma_rad);
   void FreeGround();
+  // Gives up those wall ties that the pictures contradict by more than so many sigmas (Baarda 1968). To be
+  // called after ComputeCovariance.
+  void DropBrokenWalls(double most_sigmas);
 
   // Blocks of the covariance; unknowns that are not free have zero rows, but what is held and known so and so
   // well (AdjustedPart::held_covariance) has its variance there, and its covariance with all that hangs on
@@ -215,6 +231,8 @@ class Adjustment {
   void AddPriors(bool shared_free);
   void AddTies();
   void AddTie(const Eigen::RowVectorXd& by_unknowns, double residual, double sigma);
+  // Of a wall tie: the gap, mm, and its derivative by all unknowns.
+  std::pair<double, Eigen::RowVectorXd> GapOf(const WallTie& wall) const;
   void AddGroundPrior();
   void AddSlopeTies(std::size_t part);
   std::pair<double, Eigen::VectorXd> LinearisedStep();

@@ -1,4 +1,5 @@
 // What parts stand on: the ground, whose height and slope may be unknowns, or another part.
+#include <algorithm>
 #include <cmath>
 
 #include "vss/reconstruct/adjustment.h"
@@ -58,7 +59,86 @@ RowVectorXd ByState(const PlacedObject& object, const F& f) {
   return j;
 }
 
+Vector3d MiddleOf(const SolidFace& face) {
+  Vector3d sum = Vector3d::Zero();
+  for (const auto& t : face.triangles) sum += t[0] + t[1] + t[2];
+  return sum / (3.0 * static_cast<double>(face.triangles.size()));
+}
+
+double GapBetween(const WorldSolid& solid, const WorldSolid& other, const WallTie& wall) {
+  const auto &mine = solid.faces[static_cast<std::size_t>(wall.face)],
+             &wall_face = other.faces[static_cast<std::size_t>(wall.other_face)];
+  return wall_face.normal_in_part.dot(MiddleOf(mine) - wall_face.triangles.front()[0]);
+}
+
+bool IsWall(const SolidFace& face) {
+  constexpr double kUpright = 0.02;
+  return !face.is_cylinder && !face.triangles.empty() && std::abs(face.normal_in_part.z()) < kUpright;
+}
+
+// Does `p`, which lies in the face's plane or near it, lie on the face?
+bool LiesOn(const SolidFace& face, const Vector3d& p) {
+  const Vector3d& n = face.normal_in_part;
+  return std::any_of(face.triangles.begin(), face.triangles.end(), [&](const auto& t) {
+    for (std::size_t i = 0; i < 3; ++i)
+      if (n.dot((t[(i + 1) % 3] - t[i]).cross(p - t[i])) < 0) return false;
+    return true;
+  });
+}
+
 }  // namespace
+
+std::vector<WallTie> FindWallTies(std::span<const AdjustedPart> parts, double reach_mm) {
+  constexpr double kAntiparallel = -0.9994;  // 2 degrees
+  std::vector<WallTie> walls;
+  std::vector<WorldSolid> solids;
+  for (const auto& p : parts) solids.push_back(PlaceSolid(p.object, false));
+  for (std::size_t p = 0; p < solids.size(); ++p)
+    for (std::size_t f = 0; f < solids[p].faces.size(); ++f) {
+      const auto& face = solids[p].faces[f];
+      if (!IsWall(face)) continue;
+      const Vector3d middle = MiddleOf(face);
+      double nearest = reach_mm;
+      WallTie wall{static_cast<int>(p), static_cast<int>(f), -1, -1};
+      for (std::size_t q = 0; q < solids.size(); ++q)
+        for (std::size_t g = 0; g < solids[q].faces.size(); ++g) {
+          const auto& other = solids[q].faces[g];
+          if (p == q || !IsWall(other) || face.normal_in_part.dot(other.normal_in_part) > kAntiparallel)
+            continue;
+          const double gap = std::abs(other.normal_in_part.dot(middle - other.triangles.front()[0]));
+          if (gap >= nearest || !LiesOn(other, middle)) continue;
+          nearest = gap;
+          wall.other = static_cast<int>(q), wall.other_face = static_cast<int>(g);
+        }
+      if (wall.other >= 0) walls.push_back(wall);
+    }
+  return walls;
+}
+
+std::pair<double, RowVectorXd> Adjustment::GapOf(const WallTie& wall) const {
+  const auto p = static_cast<std::size_t>(wall.part), q = static_cast<std::size_t>(wall.other);
+  const WorldSolid solid = PlaceSolid(parts[p].object, false), other = PlaceSolid(parts[q].object, false);
+  RowVectorXd j = RowVectorXd::Zero(layout_.size);
+  j.segment(layout_.part[p], parts[p].object.StateSize()) = ByState(
+      parts[p].object, [&](const PlacedObject& o) { return GapBetween(PlaceSolid(o, false), other, wall); });
+  j.segment(layout_.part[q], parts[q].object.StateSize()) = ByState(
+      parts[q].object, [&](const PlacedObject& o) { return GapBetween(solid, PlaceSolid(o, false), wall); });
+  return {GapBetween(solid, other, wall), std::move(j)};
+}
+
+void Adjustment::DropBrokenWalls(double most_sigmas) {
+  std::erase_if(walls, [&](const WallTie& wall) {
+    auto [gap, j] = GapOf(wall);
+    for (const int part : {wall.part, wall.other}) {
+      const auto p = static_cast<std::size_t>(part);
+      for (std::size_t i = 0; i < parts[p].free.size(); ++i)
+        if (!parts[p].free[i]) j[layout_.part[p] + static_cast<Eigen::Index>(i)] = 0;
+    }
+    const double variance =
+        options.wall_sigma_mm * options.wall_sigma_mm - (j * covariance_ * j.transpose())(0);
+    return variance > 0 && gap * gap > most_sigmas * most_sigmas * variance;
+  });
+}
 
 void Adjustment::Lean(int part, double tilt_sigma_rad) {
   auto& p = parts[static_cast<std::size_t>(part)];
@@ -132,6 +212,10 @@ void Adjustment::AddTies() {
           parts[s].object, [&](const PlacedObject& o) { return TopOf(PlaceSolid(o, false), part.object); });
     }
     AddTie(j, residual, sigma);
+  }
+  for (const auto& wall : walls) {
+    const auto [gap, j] = GapOf(wall);
+    AddTie(j, gap, options.wall_sigma_mm);
   }
 }
 

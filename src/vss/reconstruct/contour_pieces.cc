@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 #include <unordered_map>
 
 namespace vss {
@@ -11,13 +12,14 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kParallelCos = 0.94;     // 20 degrees: below, a strip can follow both contours
-constexpr double kCrossMarginPx = 1.8;    // a crossing contour's blur reaches that far
-constexpr double kMinReachPx = 1.6;       // less holds no step
-constexpr double kMinHalfLengthPx = 1.4;  // less holds too few pixels
-constexpr double kSamePx = 0.3;           // two contours that near are one line of the picture
-constexpr double kCellPx = 16;            // of the hash grid
-constexpr int kMinSamples = 2;            // of an edge: hidden by half is told from seen
+constexpr double kParallelCos = 0.94;             // 20 degrees: below, a strip can follow both contours
+constexpr double kCrossMarginPx = 1.8;            // a crossing contour's blur reaches that far
+constexpr double kMinReachPx = 1.6;               // less holds no step
+constexpr double kMinHalfLengthPx = 1.4;          // less holds too few pixels
+constexpr double kShortestPx = 3, kShortPx = 16;  // edges that are measured as a whole where strips fail
+constexpr double kSamePx = 0.3;                   // two contours that near are one line of the picture
+constexpr double kCellPx = 16;                    // of the hash grid
+constexpr int kMinSamples = 2;                    // of an edge: hidden by half is told from seen
 
 // Along its contour: the picture tangent of a sample.
 Vector2d ImgTangent(const View& view, const ContourSample& s) {
@@ -115,18 +117,50 @@ class Cutter {
   std::vector<ContourPiece> Pieces() {
     std::vector<ContourPiece> out;
     for (auto& c : wanted_) {
-      if ((options_.only_part >= 0 && c.piece.part != options_.only_part) || !Surround(c)) continue;
-      const auto& solid = solids_[static_cast<std::size_t>(c.piece.part)];
-      const auto& s = c.piece.sample;
-      c.piece.background = BackgroundOf(solid, view_, s, c.piece.curve.normal);
-      c.piece.above_foot_px = (s.point_in_world.z() - solid.world_from_part.translation.z()) *
-                              view_.camera->intrinsics.fx_px / (view_.cam_from_world * s.point_in_world).z();
+      if (!IsAsked(c) || !Surround(c)) continue;
+      Describe(c.piece);
       out.push_back(c.piece);
+      measured_.insert(c.curve_id);
+    }
+    return out;
+  }
+
+  // Of those edges that Pieces() has nothing of.
+  std::vector<ShortEdge> ShortEdges() {
+    std::vector<ShortEdge> out;
+    for (auto& c : short_) {
+      if (!IsAsked(c) || measured_.contains(c.curve_id)) continue;
+      Describe(c.piece);
+      out.push_back({c.piece, Around(c)});
     }
     return out;
   }
 
  private:
+  bool IsAsked(const Candidate& c) const {
+    return options_.only_part < 0 || c.piece.part == options_.only_part;
+  }
+
+  void Describe(ContourPiece& piece) const {
+    const auto& solid = solids_[static_cast<std::size_t>(piece.part)];
+    const auto& s = piece.sample;
+    piece.background = BackgroundOf(solid, view_, s, piece.curve.normal);
+    piece.above_foot_px = (s.point_in_world.z() - solid.world_from_part.translation.z()) *
+                          view_.camera->intrinsics.fx_px / (view_.cam_from_world * s.point_in_world).z();
+  }
+
+  std::vector<ShortEdge::Around> Around(const Candidate& c) const {
+    std::vector<ShortEdge::Around> out;
+    for (const Candidate& other : all_) {
+      if (other.curve_id == c.curve_id) continue;
+      const auto& piece = other.piece;
+      const double reach = c.piece.half_length_px + options_.reach_px + piece.half_length_px;
+      if ((piece.curve.point - c.piece.curve.point).norm() > reach) continue;
+      out.push_back({piece.curve, piece.half_length_px, other.curve_id});
+    }
+    return out;
+  }
+
   static std::int64_t Key(std::int64_t u, std::int64_t v) { return (u << 32) + v; }
   static std::int64_t Cell(const Vector2d& p) {
     return Key(static_cast<std::int64_t>(std::floor(p.x() / kCellPx)),
@@ -174,6 +208,11 @@ class Cutter {
     const auto a = view_.ProjectIdeal(point(t0)), b = view_.ProjectIdeal(point(t1));
     if (!a || !b) return;
     const double length = (*b - *a).norm(), rest = length - 2 * options_.vertex_margin_px;
+    if (t0 == 0 && t1 == 1 && length >= kShortestPx && length < kShortPx) {
+      ContourSample s = first;
+      s.t = 0.5;
+      AddPieceAt(part, s, point(0.5), point(0), point(1), short_);
+    }
     if (rest < 2 * kMinHalfLengthPx) return;
     const double margin = options_.vertex_margin_px / length * (t1 - t0);
     t0 += margin, t1 -= margin;
@@ -182,7 +221,7 @@ class Cutter {
       ContourSample s = first;
       s.t = t0 + (k + 0.5) / n * (t1 - t0);
       const double half_t = (t1 - t0) / n / 2;
-      AddPieceAt(part, s, point(s.t), point(s.t - half_t), point(s.t + half_t));
+      AddPieceAt(part, s, point(s.t), point(s.t - half_t), point(s.t + half_t), wanted_);
     }
   }
 
@@ -200,7 +239,8 @@ class Cutter {
     return rims.size() == 2 ? Vector3d(rims[1] - rims[0]) : Vector3d::Zero();
   }
 
-  void AddPieceAt(int part, ContourSample s, const Vector3d& at, const Vector3d& from, const Vector3d& to) {
+  void AddPieceAt(int part, ContourSample s, const Vector3d& at, const Vector3d& from, const Vector3d& to,
+                  std::vector<Candidate>& out) {
     const auto img = view_.ProjectInside(at), a = view_.ProjectInside(from), b = view_.ProjectInside(to);
     const auto ideal = view_.ProjectIdeal(at), ahead = view_.ProjectIdeal(to);
     if (!img || !a || !b || !ideal || !ahead || (*b - *a).norm() < 1e-6) return;
@@ -219,7 +259,7 @@ class Cutter {
     const double half = c.piece.half_length_px;
     c.piece.curve.curvature = c.piece.curve.normal.dot(*a + *b - 2 * *img) / (half * half);
     c.piece.edge_class = ClassOf(part, s);
-    wanted_.push_back(std::move(c));
+    out.push_back(std::move(c));
   }
 
   // Picture length that one sample of its curve stands for.
@@ -357,6 +397,8 @@ class Cutter {
   Contact contact_;
   std::vector<Candidate> all_;     // every sample that is seen: what may lie beside a piece
   std::vector<Candidate> wanted_;  // the pieces
+  std::vector<Candidate> short_;   // edges as a whole
+  std::set<int> measured_;         // curves that there are pieces of
   std::unordered_map<std::int64_t, std::vector<std::size_t>> cells_;
   int num_curves_ = 0;
 };
@@ -380,8 +422,12 @@ const char* NameOf(ContourClass edge_class) {
 }
 
 std::vector<ContourPiece> CutContour(std::span<const WorldSolid> solids, std::span<const Occluders> occluders,
-                                     const View& view, const PieceOptions& options) {
-  return Cutter(solids, occluders, view, options).Pieces();
+                                     const View& view, const PieceOptions& options,
+                                     std::vector<ShortEdge>* short_edges) {
+  Cutter cutter(solids, occluders, view, options);
+  auto pieces = cutter.Pieces();
+  if (short_edges) *short_edges = cutter.ShortEdges();
+  return pieces;
 }
 
 std::optional<double> TopUnder(const WorldSolid& solid, double x_mm, double y_mm, double z_mm) {

@@ -39,6 +39,19 @@ struct ContourPiece {
   std::vector<ProfileCurve> neighbours;          // parallel contours within reach
 };
 
+// A straight edge seen from end to end that is too short for a piece, or too near to edges that cross its
+// strip: to be measured together with all that is seen around it (short_edge.h).
+struct ShortEdge {
+  ContourPiece piece;  // the edge as a whole; the reaches mean nothing
+  // Pieces of other contours around, straight: each knows which contour it is of.
+  struct Around {
+    ProfileCurve curve;
+    double half_length_px = 0;
+    int contour = 0;
+  };
+  std::vector<Around> around;
+};
+
 struct PieceOptions {
   double length_px = 8;         // of a piece
   double reach_px = 4;          // wanted on both sides
@@ -50,9 +63,11 @@ struct PieceOptions {
   double contact_gap_mm = 4;  // an edge that near to the ground or to another part's face lies on it
 };
 
-// `solids` of all parts, `occluders[i]` the solids of all others that may hide part i.
+// `solids` of all parts, `occluders[i]` the solids of all others that may hide part i. Short edges go to
+// `short_edges`, if asked for.
 std::vector<ContourPiece> CutContour(std::span<const WorldSolid> solids, std::span<const Occluders> occluders,
-                                     const View& view, const PieceOptions& options);
+                                     const View& view, const PieceOptions& options,
+                                     std::vector<ShortEdge>* short_edges = nullptr);
 
 // Height of that face of `solid` which looks up at (x, y) and lies nearest to height z, or empty beside the
 // solid.

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "vss/base/median.h"
+#include "vss/reconstruct/short_edge.h"
 
 namespace vss {
 namespace {
@@ -98,7 +99,36 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
   out.support.assign(solids.size(), 0);
   std::map<std::pair<int, int>, std::size_t> index;
   std::vector<int> contacts;  // of each group: pieces that lie on something, less the others
-  for (const auto& piece : CutContour(solids, others, view, cut)) {
+  const auto take = [&](const ContourPiece& piece, const ProfileFit& fit, bool is_short) {
+    const auto key = std::pair(piece.part, ContourKey(piece.sample));
+    const auto [at, fresh] = index.insert({key, out.groups.size()});
+    if (fresh) {
+      ObservationGroup group;
+      group.part = piece.part;
+      group.view = view_index;
+      group.contour = key.second;
+      if (piece.edge_class == ContourClass::kLimb) group.edge_class = ContourClass::kLimb;
+      out.groups.push_back(std::move(group));
+      contacts.push_back(0);
+    }
+    contacts[at->second] += piece.edge_class == ContourClass::kContact ? 1 : -1;
+    Observation o;
+    o.sample = piece.sample;
+    o.normal = piece.curve.normal;
+    o.measured = piece.curve.point + fit.offset_px * piece.curve.normal;
+    o.half_length_px = piece.half_length_px;
+    o.sigma_px = std::hypot(fit.sigma_px, kShortPieceError / (piece.half_length_px * piece.half_length_px));
+    o.contrast = fit.contrast;
+    o.shadowed = MayBeShadowed(piece, fit.contrast);
+    o.saturated = fit.saturated;
+    o.is_short = is_short;
+    for (const auto& n : piece.neighbours)
+      o.neighbour_blurs =
+          std::min(o.neighbour_blurs, std::abs(n.Distance(piece.curve.point)) / state.blur_px);
+    out.groups[at->second].observations.push_back(o);
+  };
+  std::vector<ShortEdge> short_edges;
+  for (const auto& piece : CutContour(solids, others, view, cut, &short_edges)) {
     ProfileRequest request;
     request.curve = piece.curve;
     request.half_length_px = piece.half_length_px;
@@ -113,32 +143,7 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
     const auto fit = FitProfile(picture, request, state.noise);
     out.support[static_cast<std::size_t>(piece.part)] += SupportOf(piece, fit, request.search_px);
     if (!fit) continue;
-    const auto key = std::pair(piece.part, ContourKey(piece.sample));
-    const auto [at, fresh] = index.insert({key, out.groups.size()});
-    if (fresh) {
-      ObservationGroup group;
-      group.part = piece.part;
-      group.view = view_index;
-      group.contour = key.second;
-      if (piece.edge_class == ContourClass::kLimb) group.edge_class = ContourClass::kLimb;
-      out.groups.push_back(std::move(group));
-      contacts.push_back(0);
-    }
-    auto& group = out.groups[at->second];
-    contacts[at->second] += piece.edge_class == ContourClass::kContact ? 1 : -1;
-    Observation o;
-    o.sample = piece.sample;
-    o.normal = piece.curve.normal;
-    o.measured = piece.curve.point + fit->offset_px * piece.curve.normal;
-    o.half_length_px = piece.half_length_px;
-    o.sigma_px = std::hypot(fit->sigma_px, kShortPieceError / (piece.half_length_px * piece.half_length_px));
-    o.contrast = fit->contrast;
-    o.shadowed = MayBeShadowed(piece, fit->contrast);
-    o.saturated = fit->saturated;
-    for (const auto& n : piece.neighbours)
-      o.neighbour_blurs =
-          std::min(o.neighbour_blurs, std::abs(n.Distance(piece.curve.point)) / state.blur_px);
-    group.observations.push_back(o);
+    take(piece, *fit, false);
     if (fit->saturated) continue;
     if (piece.neighbours.empty() && fit->sigma_px < kClearBlur * state.blur_px) {
       out.blurs.push_back(fit->blur_px);
@@ -147,6 +152,15 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
           out.slopes.emplace_back(fit->slope[side], fit->slope_sigma[side]);
     }
     out.noises.push_back(fit->rms);
+  }
+  if (options.short_edges && !short_edges.empty()) {
+    const FacesSeen faces(solids, view);
+    for (const auto& edge : short_edges) {
+      const auto fit =
+          FitShortEdge(picture, view, faces, edge, state.blur_px, state.noise, options.search_px);
+      out.short_edges.push_back(edge.piece);
+      if (fit) take(edge.piece, *fit, true);
+    }
   }
   for (std::size_t i = 0; i < out.groups.size(); ++i)
     if (contacts[i] > 0) out.groups[i].edge_class = ContourClass::kContact;

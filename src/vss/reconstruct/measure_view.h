@@ -22,13 +22,15 @@ struct Measured {
   std::vector<ObservationGroup> groups;
   std::vector<double> blurs, noises;
   std::vector<std::pair<double, double>> slopes;  // beside edges: value, sigma
-  std::vector<double> support;  // of each part: px of contour that is met less px that is not
+  std::vector<double> support;            // of each part: px of contour that is met less px that is not
+  std::vector<ContourPiece> short_edges;  // those seen, whether or not they could be measured
 };
 
 struct MeasureOptions {
   double search_px = 3;        // how far from its predicted place an edge is looked for
   double piece_length_px = 8;  // for a blur of one pixel or less
   int only_part = -1;          // -1: all
+  bool short_edges = true;     // those of a few pixels, too: only where they lie within a pixel
 };
 
 // `others[i]`: the solids that may hide part i.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "vss/base/median.h"
 #include "vss/base/parallel.h"
@@ -12,6 +13,7 @@
 #include "vss/reconstruct/measure_view.h"
 #include "vss/reconstruct/moved_cameras.h"
 #include "vss/reconstruct/observability.h"
+#include "vss/reconstruct/short_edge_search.h"
 
 namespace vss {
 namespace {
@@ -65,12 +67,15 @@ class Reconstructor {
     adjust.adjust_cameras = options_.adjust_cameras;
     adjust.ground_sigma_mm = options_.ground_sigma_mm;
     adjust.contact_sigma_mm = options_.contact_sigma_mm;
+    adjust.wall_sigma_mm = options_.wall_sigma_mm;
     adjust.common_pull_px = options_.contact_bias_px;
     adjust.stop_sigma_mm = options_.stop_sigma_mm;
     adjust.known_lengths = options_.known_lengths;
     adjust.bias_px = {options_.free_bias_px, options_.contact_bias_px, options_.round_bias_px,
                       options_.limb_bias_px, options_.shadowed_bias_px};
     Adjustment a(views_, std::move(parts), MakeCameras(views_, priors), MakeStops(views_), adjust);
+    if (options_.wall_sigma_mm > 0)
+      a.walls = FindWallTies(a.parts, options_.search_px * TypicalMmPerPx(views_));
     constexpr int kRounds = 4, kSteps = 4;
     // Narrower from round to round, but not so that edges that run off the model's lie outside: of those the
     // parts that happen to lie within would be met alone, and seem to say that all is well.
@@ -84,8 +89,9 @@ class Reconstructor {
     for (int round = 0; round < kRounds; ++round) {
       if (progress_.Cancelled()) return Cancelled();
       progress_.Report("reconstruct", round, kRounds);
-      Measure(a, search_of(round));
+      Measure(a, search_of(round), round > 0);
       a.Solve(kSteps, round > 0);
+      DropBrokenWalls(a);
       scatter_px = ScatterOf(a);
       if (round == 1 && options_.allow_ground) DecideGround(a);
       if (round == 1 && options_.allow_tilt) DecideTilts(a);
@@ -97,6 +103,7 @@ class Reconstructor {
           }
         };
         if (progress_.Cancelled()) return Cancelled();
+        if (SlideToShortEdges(a)) anew();
         if (HoldCaptured(a)) anew();
         if (FreeReconsidered(a)) {
           anew();
@@ -150,9 +157,10 @@ class Reconstructor {
     std::vector<double> support(views.size());
     ParallelFor(views.size(), threads_, [&](std::size_t i) {
       const std::size_t v = views[i];
-      support[i] = MeasureView(solids, others, views_[v], static_cast<int>(v), pictures_[v], states_[v],
-                               {kReconsiderPx, PieceLengthPx(), static_cast<int>(p)})
-                       .support[p];
+      const Measured found =
+          MeasureView(solids, others, views_[v], static_cast<int>(v), pictures_[v], states_[v],
+                      {kReconsiderPx, PieceLengthPx(), static_cast<int>(p), false});
+      support[i] = found.support[p];
     });
     return support;
   }
@@ -295,16 +303,17 @@ class Reconstructor {
     p.free[4] = p.free[5] = p.leans;
   }
 
-  void Measure(Adjustment& a, double search_px) {
+  void Measure(Adjustment& a, double search_px, bool with_short = true) {
     const auto views = a.AdjustedViews();
     const auto solids = PlaceAll(a.parts);
     const auto others = OthersOf(solids, views);
     std::vector<Measured> found(views.size());
     ParallelFor(views.size(), threads_, [&](std::size_t v) {
       found[v] = MeasureView(solids, others, views[v], static_cast<int>(v), pictures_[v], states_[v],
-                             {search_px, PieceLengthPx()});
+                             {search_px, PieceLengthPx(), -1, with_short});
     });
     a.groups.clear();
+    short_edges_.clear();
     constexpr std::size_t kEnough = 20;
     std::vector<std::pair<double, double>> slopes;
     for (const auto& f : found) slopes.insert(slopes.end(), f.slopes.begin(), f.slopes.end());
@@ -325,8 +334,19 @@ class Reconstructor {
             found[v].noises[found[v].noises.size() / 4];  // the cleanest quarter has noise alone
       }
       for (auto& g : found[v].groups) a.groups.push_back(std::move(g));
+      for (auto& e : found[v].short_edges)
+        short_edges_[static_cast<std::size_t>(e.part)].push_back({v, std::move(e)});
     }
+    DropUnchecked(a);
     SettleClasses(a);
+  }
+
+  // Something that looks like an edge of a few pixels lies near one often: what only one picture has met says
+  // nothing.
+  static void DropUnchecked(Adjustment& a) {
+    std::map<std::pair<int, int>, int> views;
+    for (const auto& g : a.groups) ++views[{g.part, g.contour}];
+    std::erase_if(a.groups, [&](const auto& g) { return g.IsShort() && views[{g.part, g.contour}] < 2; });
   }
 
   // How much light changes beside the edges of a survey: the sigma by which most slopes, each with its own
@@ -377,6 +397,17 @@ class Reconstructor {
     a.FreeGround();
     constexpr int kSteps = 3;
     a.Solve(kSteps, true);
+  }
+
+  // Faces that the pictures show apart do not lie against each other.
+  static void DropBrokenWalls(Adjustment& a) {
+    constexpr double kBrokenSigmas = 3;
+    constexpr int kSteps = 2;
+    const auto before = a.walls.size();
+    if (before == 0) return;
+    a.ComputeCovariance();
+    a.DropBrokenWalls(kBrokenSigmas);
+    if (a.walls.size() < before) a.Solve(kSteps, true);
   }
 
   // A part leans where that explains the pictures much better than standing straight.
@@ -434,6 +465,29 @@ class Reconstructor {
     return any;
   }
 
+  // What only edges of a few pixels tell of a part may have met others than its own, and no long edge says
+  // so: along the directions that the long ones leave open the grey values choose among places around. True
+  // where a part was moved.
+  bool SlideToShortEdges(Adjustment& a) {
+    if (short_edges_.empty()) return false;
+    const auto all = a.groups;
+    std::erase_if(a.groups, [](const auto& g) { return g.IsShort(); });
+    a.ComputeCovariance();
+    const SeenPictures pictures{views_, pictures_, states_, TypicalMmPerPx(views_), threads_};
+    bool any = false;
+    for (const auto& [p, edges] : short_edges_)
+      for (const auto& step :
+           OpenDirections(a, p, edges, KnownBefore(a.parts[p]), kObservableGain, pictures)) {
+        const auto best = BestAlong(a.parts, p, step, edges, pictures);
+        if (!best) continue;
+        any = true;
+        a.parts[p].object.SetState(*best);
+        drawn_[p].dimensions_mm = a.parts[p].object.dimensions_mm;
+      }
+    a.groups = all;
+    return any;
+  }
+
   // Dimensions that the pictures seem not to determine are looked for around; true where one was found.
   bool FreeReconsidered(Adjustment& a) {
     a.ComputeCovariance();
@@ -473,8 +527,25 @@ class Reconstructor {
     return sigma;
   }
 
+  using Flags = std::vector<std::vector<bool>>;  // per part and unknown
+
+  // What the pictures would determine if nothing were taken to lie against another part.
+  Flags ObservableWithoutWalls(Adjustment& a) const {
+    const auto walls = std::exchange(a.walls, {});
+    a.ComputeCovariance();
+    Flags out;
+    for (std::size_t p = 0; p < a.parts.size(); ++p)
+      out.push_back(AnalyseObservability(a.DataInformation(static_cast<int>(p)), KnownBefore(a.parts[p]),
+                                         kObservableGain)
+                        .observable);
+    a.walls = walls;
+    a.ComputeCovariance();
+    return out;
+  }
+
   // What the pictures do not determine goes back to what is known without them.
   void FixUnobservable(Adjustment& a) {
+    if (!a.walls.empty()) without_walls_ = ObservableWithoutWalls(a);
     observable_.clear();
     singular_values_.clear();
     bool changed = false;
@@ -572,12 +643,29 @@ class Reconstructor {
       d.sigma_mm = std::sqrt(std::max(0.0, out.covariance(at, at)));
       out.dimensions.push_back(std::move(d));
     }
+    if (const auto by_wall = KnownByWall(p); !by_wall.empty())
+      out.remarks.push_back(fmt::format(
+          "{} {} known only because a face of it is taken to lie against another part's, to {} mm: "
+          "the pictures alone do not determine {}",
+          fmt::join(by_wall, ", "), by_wall.size() == 1 ? "is" : "are", options_.wall_sigma_mm,
+          by_wall.size() == 1 ? "it" : "them"));
     for (const auto& v : PlaceSolid(part.object).vertices) {
       const Eigen::Matrix3d covariance = v.by_state * out.covariance * v.by_state.transpose();
       out.vertex_sigma.push_back(covariance.diagonal().cwiseMax(0).cwiseSqrt());
       if (options_.full_covariance) out.vertex_covariance.push_back(covariance);
     }
     return out;
+  }
+
+  // Dimensions that are observed because the part lies against another one.
+  std::vector<std::string> KnownByWall(std::size_t p) const {
+    std::vector<std::string> names;
+    if (without_walls_.empty()) return names;
+    const auto defs = given_[p].object.model->dimensions();
+    for (std::size_t i = 0; i < defs.size(); ++i)
+      if (observable_[p][kPlacementSize + i] && !without_walls_[p][kPlacementSize + i])
+        names.push_back(defs[i].name);
+    return names;
   }
 
   static std::string OriginOfHeld(const DimensionDef& d, bool captured) {
@@ -594,11 +682,13 @@ class Reconstructor {
   int threads_;
   const Progress& progress_;
   std::vector<PictureState> states_;
-  std::vector<std::vector<bool>> observable_;
+  Flags observable_;
+  Flags without_walls_;  // the same if nothing lay against another part; empty where nothing does
   std::vector<VectorXd> singular_values_;
   std::vector<PlacedObject> drawn_;  // the parts as the line images have them
   DimensionMask captured_;           // per part and dimension: see HoldCaptured
   std::vector<double> significance_;
+  std::map<std::size_t, std::vector<SeenShortEdge>> short_edges_;  // by part, as last measured
   double slope_sigma_ = kAnySlope;  // of light beside edges, of their contrast per px
 };
 

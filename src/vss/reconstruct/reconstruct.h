@@ -31,6 +31,7 @@ struct ReconstructOptions {
   double picture_rotation_sigma_mrad = 0.5, picture_position_sigma_mm = 0.5;
   double stop_sigma_mm = 0.15;
   double ground_sigma_mm = 0.1, contact_sigma_mm = 0.1;
+  double wall_sigma_mm = 1;  // of upright faces that lie against each other; 0: none is taken to
   // What may pull an edge alike in all pictures: chamfers, contact shadows, a cylinder's shading, a shadow.
   double free_bias_px = 0.02, contact_bias_px = 0.2, round_bias_px = 0.05, limb_bias_px = 0.5,
          shadowed_bias_px = 0.35;

@@ -28,6 +28,10 @@ std::span<const ParameterOf<ReconstructOptions>> ReconstructParameters() {
        "How flat the ground is, and how well it is z = 0."},
       {"reconstruct.contact_sigma_mm", &O::contact_sigma_mm, 1e-3, 100, "mm",
        "How closely a part lies on the one that it stands on."},
+      {"reconstruct.wall_sigma_mm", &O::wall_sigma_mm, 0, 100, "mm",
+       "How closely upright faces of two parts lie against each other where they seem to, unless the "
+       "pictures "
+       "show them apart; 0: none is taken to."},
       {"reconstruct.free_bias_px", &O::free_bias_px, 1e-4, 10, "px",
        "How far chamfers and the like may pull a free edge alike in all pictures."},
       {"reconstruct.contact_bias_px", &O::contact_bias_px, 1e-4, 10, "px",
