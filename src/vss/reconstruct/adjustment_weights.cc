@@ -67,7 +67,7 @@ void Adjustment::PrepareBiases() {
   std::map<std::pair<int, int>, ContourClass> classes;
   std::map<std::pair<int, int>, std::vector<double>> mm_per_px, neighbours;
   std::map<std::pair<int, int>, bool> is_rim;
-  std::map<std::pair<int, int>, double> saturated;
+  std::map<std::pair<int, int>, double> saturated, bright_behind;
   for (const auto& g : groups) {
     const std::pair key(g.part, g.BiasKey());
     const auto& view = views_[static_cast<std::size_t>(g.view)];
@@ -75,6 +75,7 @@ void Adjustment::PrepareBiases() {
       lengths[key].push_back(o.half_length_px);
       neighbours[key].push_back(o.neighbour_blurs);
       saturated[key] += o.saturated;
+      bright_behind[key] += o.bright_behind;
       is_rim[key] = o.sample.source == ContourSample::Source::kCircle;
       mm_per_px[key].push_back((view.cam_from_world * o.sample.point_in_world).z() /
                                view.camera->intrinsics.fx_px);
@@ -91,8 +92,11 @@ void Adjustment::PrepareBiases() {
     part.bias_px.insert({key.second, 0.0});
     const double own = options.bias_px[of_class] * (near ? options.near_factor : 1);
     const double blind = saturated[key] / static_cast<double>(half.size());
+    const double before_bright =
+        bright_behind[key] / static_cast<double>(half.size()) * options.bright_behind_bias_px;
     part.bias_prior_px[key.second] =
-        std::hypot(own, options.short_edge_bias / (length * length), blind * options.saturated_bias_px);
+        std::hypot(std::hypot(own, before_bright), options.short_edge_bias / (length * length),
+                   blind * options.saturated_bias_px);
   }
   for (auto& part : parts)
     std::erase_if(part.bias_px, [&](const auto& b) { return !part.bias_prior_px.contains(b.first); });

@@ -55,9 +55,9 @@ void SetShadowedApart(std::vector<ObservationGroup>& groups) {
   }
 }
 
-// How much a piece of contour speaks for its part's being there: its length in px, half of it for an edge
-// exactly where it should be, half against it for none within reach; steps anywhere, as texture has them,
-// speak neither for nor against.
+// How much an edge speaks for its part's being there: its length in px, half of it for one exactly where it
+// should be, half against it for none within reach; steps anywhere, as texture has them, speak neither for
+// nor against.
 double SupportOf(const ContourPiece& piece, const std::optional<ProfileFit>& fit, double search_px) {
   constexpr double kSpread = 16 / 9.0;  // so that offsets spread evenly over the reach add up to nothing
   const double off = fit ? fit->offset_px / search_px : 1;
@@ -96,7 +96,7 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
   cut.min_gap_px = 1.9 * state.blur_px;
   cut.vertex_margin_px = 2 * state.blur_px + 0.7;
   Measured out;
-  out.support.assign(solids.size(), 0);
+  out.short_support.assign(solids.size(), 0);
   std::map<std::pair<int, int>, std::size_t> index;
   std::vector<int> contacts;  // of each group: pieces that lie on something, less the others
   const auto take = [&](const ContourPiece& piece, const ProfileFit& fit, bool is_short) {
@@ -120,6 +120,7 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
     o.sigma_px = std::hypot(fit.sigma_px, kShortPieceError / (piece.half_length_px * piece.half_length_px));
     o.contrast = fit.contrast;
     o.shadowed = MayBeShadowed(piece, fit.contrast);
+    o.bright_behind = piece.background * fit.contrast > 0;
     o.saturated = fit.saturated;
     o.is_short = is_short;
     for (const auto& n : piece.neighbours)
@@ -141,7 +142,6 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
     request.slope_sigma = piece.edge_class == ContourClass::kLimb ? kAnySlope : state.slope_sigma;
     request.neighbours = piece.neighbours;
     const auto fit = FitProfile(picture, request, state.noise);
-    out.support[static_cast<std::size_t>(piece.part)] += SupportOf(piece, fit, request.search_px);
     if (!fit) continue;
     take(piece, *fit, false);
     if (fit->saturated) continue;
@@ -159,6 +159,8 @@ Measured MeasureView(std::span<const WorldSolid> solids, std::span<const Occlude
       const auto fit =
           FitShortEdge(picture, view, faces, edge, state.blur_px, state.noise, options.search_px);
       out.short_edges.push_back(edge.piece);
+      out.short_support[static_cast<std::size_t>(edge.piece.part)] +=
+          SupportOf(edge.piece, fit, options.search_px);
       if (fit) take(edge.piece, *fit, true);
     }
   }

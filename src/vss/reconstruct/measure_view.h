@@ -22,7 +22,7 @@ struct Measured {
   std::vector<ObservationGroup> groups;
   std::vector<double> blurs, noises;
   std::vector<std::pair<double, double>> slopes;  // beside edges: value, sigma
-  std::vector<double> support;            // of each part: px of contour that is met less px that is not
+  std::vector<double> short_support;      // of each part: px of short edges that are met less px that are not
   std::vector<ContourPiece> short_edges;  // those seen, whether or not they could be measured
 };
 

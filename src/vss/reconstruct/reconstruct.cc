@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 
 #include "vss/base/median.h"
 #include "vss/base/parallel.h"
@@ -37,7 +38,8 @@ constexpr double kGroundSigmas = 3;        // of how well the ground is z = 0
 constexpr double kGroundPx = 0.5;          // less is what shadows on it make
 // Flame-cut edges are that far from straight and square: EN ISO 9013, range 4, plates of some 10 mm.
 constexpr double kCutEdgeMm = 1;
-constexpr double kReconsiderPx = 1.2;  // an edge is looked for that far from where a dimension has it
+constexpr double kShortSearchPx =
+    1;  // a short edge is looked for that far from where a part that slides has it
 
 std::vector<WorldSolid> PlaceAll(const std::vector<AdjustedPart>& parts) {
   std::vector<WorldSolid> solids;
@@ -76,7 +78,7 @@ class Reconstructor {
     Adjustment a(views_, std::move(parts), MakeCameras(views_, priors), MakeStops(views_), adjust);
     if (options_.wall_sigma_mm > 0)
       a.walls = FindWallTies(a.parts, options_.search_px * TypicalMmPerPx(views_));
-    constexpr int kRounds = 4, kSteps = 4;
+    constexpr int kRounds = 6, kSteps = 4;
     // Narrower from round to round, but not so that edges that run off the model's lie outside: of those the
     // parts that happen to lie within would be met alone, and seem to say that all is well.
     const double widest_px = std::max(options_.search_px, kCutEdgeMm / TypicalMmPerPx(views_));
@@ -97,7 +99,7 @@ class Reconstructor {
       if (round == 1 && options_.allow_tilt) DecideTilts(a);
       if (round + 2 == kRounds) {
         const auto anew = [&] {
-          for (int again = 1; again <= round; ++again) {
+          for (const int again : {1, round / 2, round}) {
             Measure(a, search_of(again));
             a.Solve(kSteps, true);
           }
@@ -105,10 +107,6 @@ class Reconstructor {
         if (progress_.Cancelled()) return Cancelled();
         if (SlideToShortEdges(a)) anew();
         if (HoldCaptured(a)) anew();
-        if (FreeReconsidered(a)) {
-          anew();
-          if (HoldCaptured(a)) anew();
-        }
         a.ComputeCovariance();
         FixUnobservable(a);
       }
@@ -140,7 +138,6 @@ class Reconstructor {
       });
       ParallelFor(parts.size(), threads_,
                   [&](std::size_t i) { DrawToLines(parts[i], others[i], LeastOfOthers(distances, i)); });
-      Reconsider(parts, DrawnFar(parts));
     }
     for (auto& p : parts) {
       SetPriors(p);
@@ -149,32 +146,17 @@ class Reconstructor {
     return parts;
   }
 
-  // What the grey values say for each part as it stands, in each of the views.
-  std::vector<double> Support(const std::vector<AdjustedPart>& parts, std::size_t p,
-                              std::span<const std::size_t> views) const {
+  // What the grey values say for a part's short edges as it stands, in all views together.
+  double ShortSupport(const std::vector<AdjustedPart>& parts, std::size_t p) const {
     const auto solids = PlaceAll(parts);
     const auto others = OthersOf(solids);
-    std::vector<double> support(views.size());
-    ParallelFor(views.size(), threads_, [&](std::size_t i) {
-      const std::size_t v = views[i];
-      const Measured found =
-          MeasureView(solids, others, views_[v], static_cast<int>(v), pictures_[v], states_[v],
-                      {kReconsiderPx, PieceLengthPx(), static_cast<int>(p), false});
-      support[i] = found.support[p];
+    std::vector<double> support(views_.size());
+    ParallelFor(views_.size(), threads_, [&](std::size_t v) {
+      support[v] = MeasureView(solids, others, views_[v], static_cast<int>(v), pictures_[v], states_[v],
+                               {kShortSearchPx, PieceLengthPx(), static_cast<int>(p)})
+                       .short_support[p];
     });
-    return support;
-  }
-
-  // By how much `support` is more than `before`; nothing where a single view says so: a shadow may run there.
-  static double ClearGain(const std::vector<double>& support, const std::vector<double>& before) {
-    constexpr double kPiecePx = 8;
-    double gain = 0;
-    int views = 0;
-    for (std::size_t i = 0; i < support.size(); ++i) {
-      gain += support[i] - before[i];
-      views += support[i] > before[i] + kPiecePx;
-    }
-    return views >= 2 ? gain : 0;
+    return std::accumulate(support.begin(), support.end(), 0.0);
   }
 
   // Of all measured edge points around the model's edges, one sigma by the nearer half of them.
@@ -192,77 +174,7 @@ class Reconstructor {
     return std::max(options_.piece_length_px, kGroovesMm / TypicalMmPerPx(views_));
   }
 
-  // Views that see most of a part.
-  std::vector<std::size_t> BestViews(const PlacedObject& object) const {
-    constexpr std::size_t kMost = 6;
-    constexpr double kSpacingPx = 20;
-    const WorldSolid solid = PlaceSolid(object, false);
-    std::vector<std::pair<std::size_t, std::size_t>> count;  // samples in the picture, view
-    for (std::size_t v = 0; v < views_.size(); ++v)
-      if (const auto n = SampleContour(solid, views_[v], kSpacingPx, 1).size()) count.emplace_back(n, v);
-    std::stable_sort(count.begin(), count.end(),
-                     [](const auto& a, const auto& b) { return a.first > b.first; });
-    std::vector<std::size_t> out;
-    for (const auto& [n, v] : count)
-      if (out.size() < kMost) out.push_back(v);
-    return out;
-  }
-
-  using DimensionMask = std::vector<std::vector<bool>>;  // per part and dimension
-
-  // Dimensions that the lines drew far from what was identified.
-  DimensionMask DrawnFar(const std::vector<AdjustedPart>& parts) const {
-    constexpr double kFarPx = 1.5;
-    DimensionMask far;
-    for (std::size_t p = 0; p < parts.size(); ++p) {
-      const auto &now = parts[p].object.dimensions_mm, &given = given_[p].object.dimensions_mm;
-      far.emplace_back();
-      for (std::size_t i = 0; i < now.size(); ++i)
-        far.back().push_back(std::abs(now[i] - given[i]) > kFarPx * TypicalMmPerPx(views_));
-    }
-    return far;
-  }
-
-  // A dimension may have met the wrong line or edge (the two edges of a thin plate one, or another part's):
-  // the grey values choose among places around. What they choose clearly is kept; true in the result where
-  // that is a new value.
-  DimensionMask Reconsider(std::vector<AdjustedPart>& parts, const DimensionMask& which) const {
-    constexpr double kClearPx = 16;  // of supported contour, in all pictures together: two pieces
-    DimensionMask changed;
-    for (std::size_t p = 0; p < parts.size(); ++p) {
-      changed.emplace_back(which[p].size(), false);
-      if (std::none_of(which[p].begin(), which[p].end(), [](bool w) { return w; })) continue;
-      const auto views = BestViews(parts[p].object);
-      for (std::size_t i = 0; i < which[p].size(); ++i) {
-        if (!which[p][i]) continue;
-        double& value = parts[p].object.dimensions_mm[i];
-        const double before = value;
-        const auto support_before = Support(parts, p, views);
-        double best = before, most = kClearPx;
-        for (const double candidate : Candidates(p, i)) {
-          value = candidate;
-          const double gain = ClearGain(Support(parts, p, views), support_before);
-          if (gain > most) most = gain, best = candidate;
-        }
-        value = best;
-        changed[p][i] = best != before;
-      }
-    }
-    return changed;
-  }
-
-  // Values about a pixel apart around what was identified, within the knowledge base's range.
-  std::vector<double> Candidates(std::size_t part, std::size_t dimension) const {
-    constexpr int kSteps = 5;
-    const auto& object = given_[part].object;
-    const auto& def = object.model->dimensions()[dimension];
-    std::vector<double> out;
-    for (int k = -kSteps; k <= kSteps; ++k) {
-      const double value = object.dimensions_mm[dimension] + k * TypicalMmPerPx(views_);
-      if (value >= def.min_mm && value <= def.max_mm) out.push_back(value);
-    }
-    return out;
-  }
+  using Flags = std::vector<std::vector<bool>>;  // per part and unknown, or dimension
 
   static LineDistances LeastOfOthers(const std::vector<LineDistances>& all, std::size_t part) {
     LineDistances least = all[part];
@@ -474,42 +386,23 @@ class Reconstructor {
     std::erase_if(a.groups, [](const auto& g) { return g.IsShort(); });
     a.ComputeCovariance();
     const SeenPictures pictures{views_, pictures_, states_, TypicalMmPerPx(views_), threads_};
+    // Greys are misled by the shadow under a flange, say: then the short edges are not where they say.
+    constexpr double kMayLosePx = 8;
     bool any = false;
     for (const auto& [p, edges] : short_edges_)
       for (const auto& step :
            OpenDirections(a, p, edges, KnownBefore(a.parts[p]), kObservableGain, pictures)) {
         const auto best = BestAlong(a.parts, p, step, edges, pictures);
         if (!best) continue;
+        auto moved = a.parts;
+        moved[p].object.SetState(*best);
+        const double before = ShortSupport(a.parts, p), after = ShortSupport(moved, p);
+        if (after < before - kMayLosePx) continue;
         any = true;
         a.parts[p].object.SetState(*best);
         drawn_[p].dimensions_mm = a.parts[p].object.dimensions_mm;
       }
     a.groups = all;
-    return any;
-  }
-
-  // Dimensions that the pictures seem not to determine are looked for around; true where one was found.
-  bool FreeReconsidered(Adjustment& a) {
-    a.ComputeCovariance();
-    DimensionMask which = captured_;
-    for (std::size_t p = 0; p < a.parts.size(); ++p) {
-      const auto seen = AnalyseObservability(a.DataInformation(static_cast<int>(p)), KnownBefore(a.parts[p]),
-                                             kObservableGain);
-      for (std::size_t i = 0; i < which[p].size(); ++i)
-        which[p][i] = captured_[p][i] || !seen.observable[kPlacementSize + i];
-    }
-    const auto changed = Reconsider(a.parts, which);
-    bool any = false;
-    for (std::size_t p = 0; p < a.parts.size(); ++p)
-      for (std::size_t i = 0; i < changed[p].size(); ++i) {
-        if (!changed[p][i]) continue;
-        any = true;
-        auto& part = a.parts[p];
-        const auto at = kPlacementSize + static_cast<Eigen::Index>(i);
-        part.free[static_cast<std::size_t>(at)] = true;
-        part.prior_value[at] = drawn_[p].dimensions_mm[i] = part.object.dimensions_mm[i];
-        captured_[p][i] = false;
-      }
     return any;
   }
 
@@ -526,8 +419,6 @@ class Reconstructor {
       sigma[kPlacementSize + static_cast<Eigen::Index>(i)] = std::min(kKnownMm, RangeSigma(defs[i]));
     return sigma;
   }
-
-  using Flags = std::vector<std::vector<bool>>;  // per part and unknown
 
   // What the pictures would determine if nothing were taken to lie against another part.
   Flags ObservableWithoutWalls(Adjustment& a) const {
@@ -686,9 +577,9 @@ class Reconstructor {
   Flags without_walls_;  // the same if nothing lay against another part; empty where nothing does
   std::vector<VectorXd> singular_values_;
   std::vector<PlacedObject> drawn_;  // the parts as the line images have them
-  DimensionMask captured_;           // per part and dimension: see HoldCaptured
+  Flags captured_;                   // per part and dimension: see HoldCaptured
   std::vector<double> significance_;
-  std::map<std::size_t, std::vector<SeenShortEdge>> short_edges_;  // by part, as last measured
+  std::map<std::size_t, std::vector<SeenPiece>> short_edges_;  // by part, as last measured
   double slope_sigma_ = kAnySlope;  // of light beside edges, of their contrast per px
 };
 

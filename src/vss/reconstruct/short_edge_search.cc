@@ -19,7 +19,7 @@ using Eigen::VectorXd;
 constexpr int kSteps = 5;
 constexpr double kTellsPx = 0.5;    // a short edge that moves less in its picture tells nothing of a step
 constexpr double kAroundPx = 2;     // seen around the edges, beyond where they may come to lie
-constexpr int kLargestPx = 64;      // of a window: larger ones are those of edges seen from near by
+constexpr int kLargestPx = 64;      // of a window
 constexpr double kPixelsAlike = 4;  // whose misfit is one observation: blur, texture and shadows
 // Log-likelihood, of all pictures together; more than one must speak for it; and of one picture more than so
 // much counts by its logarithm only, for a shadow or something else may lie over the place there.
@@ -31,23 +31,39 @@ struct Window {
   AlignedBox2i box;
 };
 
-// What to compare as the edges move by up to `reach_px`, in each picture that shows some of them.
-std::vector<Window> WindowsAround(std::span<const SeenShortEdge> edges, double reach_px,
+// What to compare as the edges move by up to `reach_px`: where windows of one picture overlap, one around
+// both.
+std::vector<Window> WindowsAround(std::span<const SeenPiece> edges, double reach_px,
                                   const SeenPictures& pictures) {
-  std::map<std::size_t, AlignedBox2i> boxes;
-  for (const auto& e : edges)
+  std::map<std::size_t, std::vector<AlignedBox2i>> boxes;
+  for (const auto& e : edges) {
+    AlignedBox2i box;
     for (const double side : {-1.0, 1.0}) {
       const Vector2d& n = e.piece.curve.normal;
       const Vector2d end = e.piece.curve.point + side * e.piece.half_length_px * Vector2d(n.y(), -n.x());
-      boxes[e.view].extend((end.array() - reach_px).floor().matrix().cast<int>().eval());
-      boxes[e.view].extend((end.array() + reach_px).ceil().matrix().cast<int>().eval());
+      box.extend((end.array() - reach_px).floor().matrix().cast<int>().eval());
+      box.extend((end.array() + reach_px).ceil().matrix().cast<int>().eval());
     }
-  std::vector<Window> out;
-  for (const auto& [v, box] : boxes) {
-    const Vector2i last(pictures.pictures[v].width - 1, pictures.pictures[v].height - 1);
-    const AlignedBox2i inside = box.intersection(AlignedBox2i(Vector2i::Zero(), last));
-    if (!inside.isEmpty() && inside.sizes().maxCoeff() < kLargestPx) out.push_back({v, inside});
+    auto& there = boxes[e.view];
+    for (std::size_t i = 0; i < there.size();) {
+      const AlignedBox2i both = box.merged(there[i]);
+      if (!box.intersects(there[i]) || both.sizes().maxCoeff() >= kLargestPx) {
+        ++i;
+        continue;
+      }
+      box = both;
+      there.erase(there.begin() + static_cast<std::ptrdiff_t>(i));
+      i = 0;
+    }
+    there.push_back(box);
   }
+  std::vector<Window> out;
+  for (const auto& [v, all] : boxes)
+    for (const auto& box : all) {
+      const Vector2i last(pictures.pictures[v].width - 1, pictures.pictures[v].height - 1);
+      const AlignedBox2i inside = box.intersection(AlignedBox2i(Vector2i::Zero(), last));
+      if (!inside.isEmpty()) out.push_back({v, inside});
+    }
   return out;
 }
 
@@ -82,7 +98,7 @@ bool InRange(const PlacedObject& object) {
 }  // namespace
 
 std::vector<VectorXd> OpenDirections(const Adjustment& adjustment, std::size_t part,
-                                     std::span<const SeenShortEdge> edges, const VectorXd& known, double gain,
+                                     std::span<const SeenPiece> edges, const VectorXd& known, double gain,
                                      const SeenPictures& pictures) {
   const AdjustedPart& p = adjustment.parts[part];
   std::vector<Eigen::Index> free;
@@ -92,7 +108,7 @@ std::vector<VectorXd> OpenDirections(const Adjustment& adjustment, std::size_t p
   const auto seen =
       AnalyseObservability(adjustment.DataInformation(static_cast<int>(part))(free, free), known_free, gain);
   const WorldSolid solid = PlaceSolid(p.object);
-  const auto tells = [&](const SeenShortEdge& edge, const VectorXd& step) {
+  const auto tells = [&](const SeenPiece& edge, const VectorXd& step) {
     const auto& s = edge.piece.sample;
     const View& view = pictures.views[edge.view];
     const Vector3d moved = s.point_in_world + SampleByState(solid, s) * step;
@@ -114,7 +130,7 @@ std::vector<VectorXd> OpenDirections(const Adjustment& adjustment, std::size_t p
 }
 
 std::optional<VectorXd> BestAlong(std::vector<AdjustedPart> parts, std::size_t part, const VectorXd& step,
-                                  std::span<const SeenShortEdge> edges, const SeenPictures& pictures) {
+                                  std::span<const SeenPiece> edges, const SeenPictures& pictures) {
   const auto windows = WindowsAround(edges, kSteps + kAroundPx, pictures);
   PlacedObject& object = parts[part].object;
   const VectorXd state = object.State();
@@ -125,12 +141,13 @@ std::optional<VectorXd> BestAlong(std::vector<AdjustedPart> parts, std::size_t p
     object.SetState(state + k * step);
     if (k == 0 || !InRange(object)) continue;
     const std::vector<double> then = Unlikelihoods(parts, windows, pictures);
+    std::map<std::size_t, double> of_picture;
+    for (std::size_t w = 0; w < windows.size(); ++w) of_picture[windows[w].view] += now[w] - then[w];
     double gain = 0;
     int speaking = 0;
-    for (std::size_t w = 0; w < windows.size(); ++w) {
-      const double of_window = now[w] - then[w];
-      gain += Counted(of_window);
-      speaking += of_window > kSpeaks;
+    for (const auto& [view, of_this] : of_picture) {
+      gain += Counted(of_this);
+      speaking += of_this > kSpeaks;
     }
     if (gain > most && speaking >= kLeastSpeaking) most = gain, best = state + k * step;
   }
