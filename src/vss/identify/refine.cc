@@ -64,45 +64,6 @@ NormalEquations DemandsOf(const WorldSolid& goal, double from_z_mm, const WorldS
   return normal;
 }
 
-// Ways in which the object may slide though it stays on the lines that it is fitted to, the easiest first:
-// the dimension that changes most by 1 mm.
-std::vector<Eigen::VectorXd> WeakDirections(const Hypothesis& hypothesis, const SeedContext& context) {
-  constexpr int kMost = 3;
-  constexpr double kWeak = 0.3;  // px^2 per mm^2: what some ten samples on lines tell
-  const std::vector<bool> free = FreeOfUpright(hypothesis.object);
-  PlacedObject unmoved = hypothesis.object;
-  const double tolerance = context.scene.tolerance_px;
-  const FitToLinesResult fit =
-      FitToLines(unmoved, hypothesis.views, context.scene, free, tolerance, tolerance, 1, context.others);
-  if (fit.information.size() == 0) return {};
-  // In mm: a turn by what it moves the ends.
-  double reach = 1;
-  for (const auto& v : PlaceSolid(hypothesis.object, false).vertices)
-    reach = std::max(reach, (v.point - hypothesis.object.placement.head<3>()).norm());
-  std::vector<int> states;
-  Eigen::VectorXd scale = Eigen::VectorXd::Ones(hypothesis.object.StateSize());
-  scale[3] = 1 / reach;
-  for (int i = 0; i < int(free.size()); ++i)
-    if (free[std::size_t(i)]) states.push_back(i);
-  const int n = int(states.size());
-  Eigen::MatrixXd a(n, n);
-  for (int i = 0; i < n; ++i)
-    for (int k = 0; k < n; ++k)
-      a(i, k) = fit.information(states[std::size_t(i)], states[std::size_t(k)]) *
-                scale[states[std::size_t(i)]] * scale[states[std::size_t(k)]];
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(a);
-  std::vector<Eigen::VectorXd> out;
-  for (int way = 0; way < std::min(n, kMost) && solver.eigenvalues()[way] < kWeak; ++way) {
-    Eigen::VectorXd direction = Eigen::VectorXd::Zero(hypothesis.object.StateSize());
-    for (int i = 0; i < n; ++i)
-      direction[states[std::size_t(i)]] = solver.eigenvectors()(i, way) * scale[states[std::size_t(i)]];
-    const double largest = direction.tail(direction.size() - kPlacementSize).cwiseAbs().maxCoeff();
-    if (largest < 0.1) continue;  // it moves as a whole
-    out.push_back(direction / largest);
-  }
-  return out;
-}
-
 }  // namespace
 
 std::optional<PlacedObject> MovedTo(const WorldSolid& goal, double from_z_mm, PlacedObject object) {
@@ -173,6 +134,43 @@ void RefineAndWeigh(Hypothesis& h, const SeedContext& context) {
     h.object = fitted;
   }
   RefineLean(h, context);
+}
+
+std::vector<Eigen::VectorXd> WeakDirections(const Hypothesis& hypothesis, const SeedContext& context) {
+  constexpr int kMost = 3;
+  constexpr double kWeak = 0.3;  // px^2 per mm^2: what some ten samples on lines tell
+  const std::vector<bool> free = FreeOfUpright(hypothesis.object);
+  PlacedObject unmoved = hypothesis.object;
+  const double tolerance = context.scene.tolerance_px;
+  const FitToLinesResult fit =
+      FitToLines(unmoved, hypothesis.views, context.scene, free, tolerance, tolerance, 1, context.others);
+  if (fit.information.size() == 0) return {};
+  // In mm: a turn by what it moves the ends.
+  double reach = 1;
+  for (const auto& v : PlaceSolid(hypothesis.object, false).vertices)
+    reach = std::max(reach, (v.point - hypothesis.object.placement.head<3>()).norm());
+  std::vector<int> states;
+  Eigen::VectorXd scale = Eigen::VectorXd::Ones(hypothesis.object.StateSize());
+  scale[3] = 1 / reach;
+  for (int i = 0; i < int(free.size()); ++i)
+    if (free[std::size_t(i)]) states.push_back(i);
+  const int n = int(states.size());
+  Eigen::MatrixXd a(n, n);
+  for (int i = 0; i < n; ++i)
+    for (int k = 0; k < n; ++k)
+      a(i, k) = fit.information(states[std::size_t(i)], states[std::size_t(k)]) *
+                scale[states[std::size_t(i)]] * scale[states[std::size_t(k)]];
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(a);
+  std::vector<Eigen::VectorXd> out;
+  for (int way = 0; way < std::min(n, kMost) && solver.eigenvalues()[way] < kWeak; ++way) {
+    Eigen::VectorXd direction = Eigen::VectorXd::Zero(hypothesis.object.StateSize());
+    for (int i = 0; i < n; ++i)
+      direction[states[std::size_t(i)]] = solver.eigenvectors()(i, way) * scale[states[std::size_t(i)]];
+    const double largest = direction.tail(direction.size() - kPlacementSize).cwiseAbs().maxCoeff();
+    if (largest < 0.1) continue;  // it moves as a whole
+    out.push_back(direction / largest);
+  }
+  return out;
 }
 
 std::vector<Hypothesis> Slides(const Hypothesis& hypothesis, const SeedContext& context) {

@@ -20,6 +20,10 @@ std::optional<Hypothesis> Reseat(const Hypothesis& hypothesis, const SeedContext
 // Fits the object to the lines (z and tilt held) where that explains more, and weighs it.
 void RefineAndWeigh(Hypothesis& hypothesis, const SeedContext& context);
 
+// Ways in which the object may slide though it stays on the lines that it is fitted to, the easiest first: the
+// dimension that changes most by 1 mm.
+std::vector<Eigen::VectorXd> WeakDirections(const Hypothesis& hypothesis, const SeedContext& context);
+
 // What a hypothesis becomes where it slides along its own lines, as they allow without moving off them (an
 // end that is not where it was thought to be), to where further contours meet lines: those that explain more.
 std::vector<Hypothesis> Slides(const Hypothesis& hypothesis, const SeedContext& context);

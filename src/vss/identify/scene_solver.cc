@@ -4,6 +4,7 @@
 
 #include "vss/base/parallel.h"
 #include "vss/identify/hypothesis_search.h"
+#include "vss/identify/on_walls.h"
 #include "vss/identify/refine.h"
 #include "vss/identify/rim_search.h"
 #include "vss/identify/unknown.h"
@@ -23,6 +24,7 @@ Result<SceneResult> SceneSolver::Run() {
     const Explained around = ExplainedBy(known, data_);
     data_.items.TakeChanged();
     SlideAccepted();
+    if (data_.options.contact) BringUpToWalls();
     SeekRims();
     AddHypotheses(SceneItems::kGround, around, data_);
     bool afresh = false;
@@ -86,6 +88,39 @@ void SceneSolver::SlideAccepted() {
   });
   for (std::size_t i = 0; i < candidates.size(); ++i)
     for (auto& h : slid[i]) data_.items.Keep(std::move(h), data_.items[candidates[i].item].support_item);
+}
+
+// A part whose end no line shows sinks into the one that it is welded to, where it cannot stand, or ends
+// short of it. Whatever may be a part is brought up to those that are accepted.
+void SceneSolver::BringUpToWalls() {
+  const std::vector<int>& accepted = choice_.accepted();
+  const double reach_mm = kReachOfEndsPx * data_.mm_per_px;
+  std::vector<int> items;
+  for (int i = 0; i < data_.items.size(); ++i)
+    if (data_.items[i].alone > 0 && brought_.insert(data_.items[i].serial).second) items.push_back(i);
+  const Explained known = ExplainedBy(accepted, data_);
+  std::vector<std::vector<Hypothesis>> brought(items.size());
+  ParallelFor(items.size(), data_.threads, [&](std::size_t n) {
+    const SceneItem& item = data_.items[items[n]];
+    const Eigen::Vector3d reach = Eigen::Vector3d::Constant(reach_mm);
+    const Eigen::AlignedBox3d room(item.volume.box.min() - reach, item.volume.box.max() + reach);
+    std::vector<WorldSolid> walls;
+    for (const int k : accepted)
+      if (k != items[n] && k != item.support_item && room.intersects(data_.items[k].volume.box))
+        walls.push_back(data_.items[k].Solid());
+    if (walls.empty()) return;
+    const bool stands = std::find(accepted.begin(), accepted.end(), items[n]) != accepted.end();
+    const Explained around = stands ? ExplainedWithout(items[n], known, accepted, data_) : known;
+    SeedContext context = data_.Context();
+    context.others = &around.others;
+    context.claims = &around.claims;
+    brought[n] = OnWalls(item.h, walls, context);
+    for (auto& h : brought[n]) WeighInAllViews(h, context);
+  });
+  for (std::size_t n = 0; n < items.size(); ++n)
+    for (auto& h : brought[n])
+      if (h.log_odds + MostOfRelations(*h.object.model) >= data_.options.accept_log_odds)
+        data_.items.Keep(std::move(h), data_.items[items[n]].support_item);
 }
 
 // What was found over a plate before the plate was known may be wrong in kind, and claims the lines of what

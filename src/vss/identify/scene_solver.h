@@ -26,12 +26,14 @@ class SceneSolver {
  private:
   void FindEdges();
   void SlideAccepted();
+  void BringUpToWalls();
   void SeekRims();
   bool SearchAfresh(int support, const std::vector<int>& known);
   SceneResult Collect();
   std::vector<UnknownGroup> Unexplained();
 
   SceneData data_;
+  std::set<int> brought_;  // serial numbers of the items that were brought up to walls
   std::set<int> sought_;  // serial numbers of the items on which rims were sought
   std::set<int> searched_;  // items that were searched as if nothing stood on them
   SceneChoice choice_{data_};

@@ -1,0 +1,84 @@
+#include "vss/identify/on_walls.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "vss/identify/refine.h"
+
+namespace vss {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr double kUpright = 0.02;         // of a face's normal
+constexpr double kAntiparallel = -0.998;  // 3 degrees
+constexpr double kLeastRate = 0.3;        // mm that a face moves for a mm of the slide: less is another one's
+
+Vector3d MiddleOf(const SolidFace& face) {
+  Vector3d sum = Vector3d::Zero();
+  for (const auto& t : face.triangles) sum += t[0] + t[1] + t[2];
+  return sum / (3.0 * double(face.triangles.size()));
+}
+
+bool IsUpright(const SolidFace& face) {
+  return !face.is_cylinder && !face.triangles.empty() && std::abs(face.normal_in_part.z()) < kUpright;
+}
+
+// Does `p`, in the face's plane, lie on the face?
+bool LiesOn(const SolidFace& face, const Vector3d& p) {
+  return std::any_of(face.triangles.begin(), face.triangles.end(), [&](const auto& t) {
+    for (std::size_t i = 0; i < 3; ++i)
+      if (face.normal_in_part.dot((t[(i + 1) % 3] - t[i]).cross(p - t[i])) < 0) return false;
+    return true;
+  });
+}
+
+// How fast the face moves along its normal as the state goes along `direction`.
+double RateOf(const WorldSolid& solid, const SolidFace& face, const Vector3d& middle,
+              const VectorXd& direction) {
+  double rate = 0, nearest = INFINITY;
+  for (const auto& v : solid.vertices) {
+    const double off = std::abs(face.normal_in_part.dot(v.point - middle));
+    if (off >= nearest) continue;
+    nearest = off;
+    rate = face.normal_in_part.dot(v.by_state * direction);
+  }
+  return rate;
+}
+
+}  // namespace
+
+std::vector<Hypothesis> OnWalls(const Hypothesis& hypothesis, std::span<const WorldSolid> walls,
+                                const SeedContext& context) {
+  std::vector<Hypothesis> out;
+  const WorldSolid solid = PlaceSolid(hypothesis.object);
+  const double reach_mm = kReachOfEndsPx * context.mm_per_px, touches_mm = 0.5 * context.mm_per_px;
+  // How far each face must go to lie on the wall before or behind it.
+  std::vector<std::pair<const SolidFace*, double>> ways;
+  for (const auto& face : solid.faces) {
+    if (!IsUpright(face)) continue;
+    const Vector3d middle = MiddleOf(face);
+    for (const auto& wall : walls)
+      for (const auto& other : wall.faces) {
+        if (!IsUpright(other) || face.normal_in_part.dot(other.normal_in_part) > kAntiparallel) continue;
+        const double way = face.normal_in_part.dot(other.triangles.front()[0] - middle);
+        if (std::abs(way) < reach_mm && std::abs(way) > touches_mm &&
+            LiesOn(other, middle + way * face.normal_in_part))
+          ways.emplace_back(&face, way);
+      }
+  }
+  if (ways.empty()) return out;
+  for (const VectorXd& direction : WeakDirections(hypothesis, context))
+    for (const auto& [face, way] : ways) {
+      const double rate = RateOf(solid, *face, MiddleOf(*face), direction);
+      if (std::abs(rate) < kLeastRate) continue;
+      Hypothesis h = hypothesis;
+      h.object.SetState(hypothesis.object.State() + way / rate * direction);
+      if (!InRange(h.object, 0) || !Allowed(h.object)) continue;
+      out.push_back(std::move(h));
+    }
+  return out;
+}
+
+}  // namespace vss
