@@ -1,9 +1,9 @@
 #include "vss/identify/on_walls.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "vss/identify/refine.h"
+#include "vss/identify/upright_faces.h"
 
 namespace vss {
 namespace {
@@ -11,28 +11,8 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kUpright = 0.02;         // of a face's normal
 constexpr double kAntiparallel = -0.998;  // 3 degrees
 constexpr double kLeastRate = 0.3;        // mm that a face moves for a mm of the slide: less is another one's
-
-Vector3d MiddleOf(const SolidFace& face) {
-  Vector3d sum = Vector3d::Zero();
-  for (const auto& t : face.triangles) sum += t[0] + t[1] + t[2];
-  return sum / (3.0 * double(face.triangles.size()));
-}
-
-bool IsUpright(const SolidFace& face) {
-  return !face.is_cylinder && !face.triangles.empty() && std::abs(face.normal_in_part.z()) < kUpright;
-}
-
-// Does `p`, in the face's plane, lie on the face?
-bool LiesOn(const SolidFace& face, const Vector3d& p) {
-  return std::any_of(face.triangles.begin(), face.triangles.end(), [&](const auto& t) {
-    for (std::size_t i = 0; i < 3; ++i)
-      if (face.normal_in_part.dot((t[(i + 1) % 3] - t[i]).cross(p - t[i])) < 0) return false;
-    return true;
-  });
-}
 
 // How fast the face moves along its normal as the state goes along `direction`.
 double RateOf(const WorldSolid& solid, const SolidFace& face, const Vector3d& middle,

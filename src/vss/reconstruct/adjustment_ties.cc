@@ -1,7 +1,8 @@
-// What parts stand on: the ground, whose height and slope may be unknowns, or another part.
-#include <algorithm>
+// What parts stand on: the ground, whose height and slope may be unknowns, or another part; and what they lie
+// against.
 #include <cmath>
 
+#include "vss/identify/upright_faces.h"
 #include "vss/reconstruct/adjustment.h"
 
 namespace vss {
@@ -59,31 +60,10 @@ RowVectorXd ByState(const PlacedObject& object, const F& f) {
   return j;
 }
 
-Vector3d MiddleOf(const SolidFace& face) {
-  Vector3d sum = Vector3d::Zero();
-  for (const auto& t : face.triangles) sum += t[0] + t[1] + t[2];
-  return sum / (3.0 * static_cast<double>(face.triangles.size()));
-}
-
 double GapBetween(const WorldSolid& solid, const WorldSolid& other, const WallTie& wall) {
   const auto &mine = solid.faces[static_cast<std::size_t>(wall.face)],
              &wall_face = other.faces[static_cast<std::size_t>(wall.other_face)];
   return wall_face.normal_in_part.dot(MiddleOf(mine) - wall_face.triangles.front()[0]);
-}
-
-bool IsWall(const SolidFace& face) {
-  constexpr double kUpright = 0.02;
-  return !face.is_cylinder && !face.triangles.empty() && std::abs(face.normal_in_part.z()) < kUpright;
-}
-
-// Does `p`, which lies in the face's plane or near it, lie on the face?
-bool LiesOn(const SolidFace& face, const Vector3d& p) {
-  const Vector3d& n = face.normal_in_part;
-  return std::any_of(face.triangles.begin(), face.triangles.end(), [&](const auto& t) {
-    for (std::size_t i = 0; i < 3; ++i)
-      if (n.dot((t[(i + 1) % 3] - t[i]).cross(p - t[i])) < 0) return false;
-    return true;
-  });
 }
 
 }  // namespace
@@ -96,14 +76,14 @@ std::vector<WallTie> FindWallTies(std::span<const AdjustedPart> parts, double re
   for (std::size_t p = 0; p < solids.size(); ++p)
     for (std::size_t f = 0; f < solids[p].faces.size(); ++f) {
       const auto& face = solids[p].faces[f];
-      if (!IsWall(face)) continue;
+      if (!IsUpright(face)) continue;
       const Vector3d middle = MiddleOf(face);
       double nearest = reach_mm;
       WallTie wall{static_cast<int>(p), static_cast<int>(f), -1, -1};
       for (std::size_t q = 0; q < solids.size(); ++q)
         for (std::size_t g = 0; g < solids[q].faces.size(); ++g) {
           const auto& other = solids[q].faces[g];
-          if (p == q || !IsWall(other) || face.normal_in_part.dot(other.normal_in_part) > kAntiparallel)
+          if (p == q || !IsUpright(other) || face.normal_in_part.dot(other.normal_in_part) > kAntiparallel)
             continue;
           const double gap = std::abs(other.normal_in_part.dot(middle - other.triangles.front()[0]));
           if (gap >= nearest || !LiesOn(other, middle)) continue;
