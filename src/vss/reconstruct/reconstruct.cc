@@ -38,8 +38,7 @@ constexpr double kGroundSigmas = 3;        // of how well the ground is z = 0
 constexpr double kGroundPx = 0.5;          // less is what shadows on it make
 // Flame-cut edges are that far from straight and square: EN ISO 9013, range 4, plates of some 10 mm.
 constexpr double kCutEdgeMm = 1;
-constexpr double kShortSearchPx =
-    1;  // a short edge is looked for that far from where a part that slides has it
+constexpr double kShortSearchPx = 1;  // of a part that slides a short edge is looked for that far off
 
 std::vector<WorldSolid> PlaceAll(const std::vector<AdjustedPart>& parts) {
   std::vector<WorldSolid> solids;
@@ -400,7 +399,7 @@ class Reconstructor {
         if (after < before - kMayLosePx) continue;
         any = true;
         a.parts[p].object.SetState(*best);
-        drawn_[p].dimensions_mm = a.parts[p].object.dimensions_mm;
+        drawn_[p] = a.parts[p].object;
       }
     a.groups = all;
     return any;
