@@ -11,8 +11,8 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kAntiparallel = -0.998;  // 3 degrees
-constexpr double kLeastRate = 0.3;        // mm that a face moves for a mm of the slide: less is another one's
+constexpr double kTouchesPx = 0.5;  // what lies nearer to a wall lies on it, as far as lines tell
+constexpr double kLeastRate = 0.3;  // mm that a face moves for a mm of the slide: less is another one's
 
 // How fast the face moves along its normal as the state goes along `direction`.
 double RateOf(const WorldSolid& solid, const SolidFace& face, const Vector3d& middle,
@@ -33,21 +33,15 @@ std::vector<Hypothesis> OnWalls(const Hypothesis& hypothesis, std::span<const Wo
                                 const SeedContext& context) {
   std::vector<Hypothesis> out;
   const WorldSolid solid = PlaceSolid(hypothesis.object);
-  const double reach_mm = kReachOfEndsPx * context.mm_per_px, touches_mm = 0.5 * context.mm_per_px;
+  const double reach_mm = kReachOfEndsPx * context.mm_per_px, touches_mm = kTouchesPx * context.mm_per_px;
   // How far each face must go to lie on the wall before or behind it.
   std::vector<std::pair<const SolidFace*, double>> ways;
-  for (const auto& face : solid.faces) {
-    if (!IsUpright(face)) continue;
-    const Vector3d middle = MiddleOf(face);
+  for (const auto& face : solid.faces)
     for (const auto& wall : walls)
-      for (const auto& other : wall.faces) {
-        if (!IsUpright(other) || face.normal_in_part.dot(other.normal_in_part) > kAntiparallel) continue;
-        const double way = face.normal_in_part.dot(other.triangles.front()[0] - middle);
-        if (std::abs(way) < reach_mm && std::abs(way) > touches_mm &&
-            LiesOn(other, middle + way * face.normal_in_part))
-          ways.emplace_back(&face, way);
-      }
-  }
+      for (const auto& other : wall.faces)
+        if (const auto way = WayToWall(face, other);
+            way && std::abs(*way) < reach_mm && std::abs(*way) > touches_mm)
+          ways.emplace_back(&face, *way);
   if (ways.empty()) return out;
   for (const VectorXd& direction : WeakDirections(hypothesis, context))
     for (const auto& [face, way] : ways) {

@@ -101,4 +101,12 @@ inline VectorXd Draw(const MatrixXd& covariance, std::mt19937& random) {
   return covariance.llt().matrixL() * z;
 }
 
+// The scene as it may truly be: cameras off by their priors, stops by 0.15 mm.
+inline Adjustment DrawnTruth(const Scene& scene, std::mt19937& random) {
+  Adjustment truth = scene.Make();
+  for (auto& c : truth.cameras) c.value = Draw(c.prior_covariance, random);
+  for (auto& s : truth.stops) s.value = Draw(Eigen::Matrix3d::Identity() * 0.15 * 0.15, random);
+  return truth;
+}
+
 }  // namespace vss::test

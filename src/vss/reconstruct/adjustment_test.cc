@@ -33,9 +33,7 @@ TEST(Adjustment, CovarianceIsTheScatterOfSimulatedScenes) {
   double sum = 0;
   int covered = 0, count = 0;
   for (int run = 0; run < kRuns; ++run) {
-    Adjustment truth = scene.Make();
-    for (auto& c : truth.cameras) c.value = Draw(c.prior_covariance, random);
-    for (auto& s : truth.stops) s.value = Draw(Eigen::Matrix3d::Identity() * 0.15 * 0.15, random);
+    const Adjustment truth = DrawnTruth(scene, random);
     Adjustment a = scene.Make();
     Observe(truth, 0.05, random, a.groups);
     a.Solve(6, true);

@@ -69,7 +69,6 @@ double GapBetween(const WorldSolid& solid, const WorldSolid& other, const WallTi
 }  // namespace
 
 std::vector<WallTie> FindWallTies(std::span<const AdjustedPart> parts, double reach_mm) {
-  constexpr double kAntiparallel = -0.9994;  // 2 degrees
   std::vector<WallTie> walls;
   std::vector<WorldSolid> solids;
   for (const auto& p : parts) solids.push_back(PlaceSolid(p.object, false));
@@ -77,17 +76,13 @@ std::vector<WallTie> FindWallTies(std::span<const AdjustedPart> parts, double re
     for (std::size_t f = 0; f < solids[p].faces.size(); ++f) {
       const auto& face = solids[p].faces[f];
       if (!IsUpright(face)) continue;
-      const Vector3d middle = MiddleOf(face);
       double nearest = reach_mm;
       WallTie wall{static_cast<int>(p), static_cast<int>(f), -1, -1};
       for (std::size_t q = 0; q < solids.size(); ++q)
         for (std::size_t g = 0; g < solids[q].faces.size(); ++g) {
-          const auto& other = solids[q].faces[g];
-          if (p == q || !IsUpright(other) || face.normal_in_part.dot(other.normal_in_part) > kAntiparallel)
-            continue;
-          const double gap = std::abs(other.normal_in_part.dot(middle - other.triangles.front()[0]));
-          if (gap >= nearest || !LiesOn(other, middle)) continue;
-          nearest = gap;
+          const auto way = p == q ? std::nullopt : WayToWall(face, solids[q].faces[g]);
+          if (!way || std::abs(*way) >= nearest) continue;
+          nearest = std::abs(*way);
           wall.other = static_cast<int>(q), wall.other_face = static_cast<int>(g);
         }
       if (wall.other >= 0) walls.push_back(wall);

@@ -12,14 +12,16 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kParallelCos = 0.94;             // 20 degrees: below, a strip can follow both contours
-constexpr double kCrossMarginPx = 1.8;            // a crossing contour's blur reaches that far
-constexpr double kMinReachPx = 1.6;               // less holds no step
-constexpr double kMinHalfLengthPx = 1.4;          // less holds too few pixels
-constexpr double kShortestPx = 3, kShortPx = 16;  // edges that are measured as a whole where strips fail
-constexpr double kSamePx = 0.3;                   // two contours that near are one line of the picture
-constexpr double kCellPx = 16;                    // of the hash grid
-constexpr int kMinSamples = 2;                    // of an edge: hidden by half is told from seen
+constexpr double kParallelCos = 0.94;     // 20 degrees: below, a strip can follow both contours
+constexpr double kCrossMarginPx = 1.8;    // a crossing contour's blur reaches that far
+constexpr double kMinReachPx = 1.6;       // less holds no step
+constexpr double kMinHalfLengthPx = 1.4;  // less holds too few pixels
+// Edges that are measured as a whole where strips fail: a shorter one is all ends, a longer one has room for
+// a strip beside what crosses it.
+constexpr double kShortestPx = 3, kShortPx = 16;
+constexpr double kSamePx = 0.3;  // two contours that near are one line of the picture
+constexpr double kCellPx = 16;   // of the hash grid
+constexpr int kMinSamples = 2;   // of an edge: hidden by half is told from seen
 
 // Along its contour: the picture tangent of a sample.
 Vector2d ImgTangent(const View& view, const ContourSample& s) {

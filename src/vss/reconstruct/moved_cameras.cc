@@ -3,7 +3,6 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <span>
 
 namespace vss {
@@ -94,6 +93,7 @@ std::vector<double> ReleaseMovedCameras(Adjustment& a) {
       return corrections[p].PerDegree() > corrections[q].PerDegree();
     });
     if (worst.size() > kTried) worst.erase(worst.begin() + kTried, worst.end());
+    if (worst.empty()) break;
     const Adjustment before = a;
     Adjustment best = a;
     std::vector<Correction> best_corrections;

@@ -97,6 +97,7 @@ class Reconstructor {
       if (round == 1 && options_.allow_ground) DecideGround(a);
       if (round == 1 && options_.allow_tilt) DecideTilts(a);
       if (round + 2 == kRounds) {
+        // From wide to narrow, in fewer rounds than from the start: most parts stand where they did.
         const auto anew = [&] {
           for (const int again : {1, round / 2, round}) {
             Measure(a, search_of(again));
@@ -578,7 +579,7 @@ class Reconstructor {
   std::vector<PlacedObject> drawn_;  // the parts as the line images have them
   Flags captured_;                   // per part and dimension: see HoldCaptured
   std::vector<double> significance_;
-  std::map<std::size_t, std::vector<SeenPiece>> short_edges_;  // by part, as last measured
+  std::map<std::size_t, std::vector<SeenShortEdge>> short_edges_;  // by part, as last measured
   double slope_sigma_ = kAnySlope;  // of light beside edges, of their contrast per px
 };
 

@@ -1,13 +1,13 @@
 // The place of an edge of a few pixels, measured with all that is seen around it: no strip across it is free
 // of other edges.
 //
-// Model (grey values proportional to light): every face that the window shows, and the background of each, is
-// of one grey; g(p) = sum_r level_r * area_r(p) + sum_j offset_j * sum_(pieces of j) (level_minus -
-// level_plus)
-// * length_j(p), where area_r is the share of face r under the blur around pixel p (ray by ray, from the
-// solids as they stand) and length_j what is seen there of contour j: the first order of what the picture
-// changes by as contour j moves along its normal. The edge's own offset and, held to what is known of them,
-// those of the others, are fitted together with the greys.
+// Model (grey values proportional to light): every face that the window shows, and the background, is of one
+// grey:
+//   g(p) = sum_r level_r * area_r(p) + sum_j offset_j * sum_i (level_minus - level_plus) * length_i(p)
+// area_r is the share of face r under the blur around pixel p (ray by ray, from the solids as they stand),
+// and length_i what is seen there of piece i of contour j: the first order of what the picture changes by as
+// contour j moves along its normal. The edge's own offset and, held to what is known of them, those of the
+// others are fitted together with the greys.
 #pragma once
 #include <optional>
 #include <span>

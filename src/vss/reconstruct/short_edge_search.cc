@@ -5,6 +5,7 @@
 #include <map>
 
 #include "vss/base/parallel.h"
+#include "vss/identify/hypothesis.h"
 #include "vss/reconstruct/observability.h"
 
 namespace vss {
@@ -33,7 +34,7 @@ struct Window {
 
 // What to compare as the edges move by up to `reach_px`: where windows of one picture overlap, one around
 // both.
-std::vector<Window> WindowsAround(std::span<const SeenPiece> edges, double reach_px,
+std::vector<Window> WindowsAround(std::span<const SeenShortEdge> edges, double reach_px,
                                   const SeenPictures& pictures) {
   std::map<std::size_t, std::vector<AlignedBox2i>> boxes;
   for (const auto& e : edges) {
@@ -88,17 +89,10 @@ double Counted(double gain) {
   return std::copysign(kMuchOfPicture * std::log1p(std::abs(gain) / kMuchOfPicture), gain);
 }
 
-bool InRange(const PlacedObject& object) {
-  const auto defs = object.model->dimensions();
-  for (std::size_t i = 0; i < defs.size(); ++i)
-    if (object.dimensions_mm[i] < defs[i].min_mm || object.dimensions_mm[i] > defs[i].max_mm) return false;
-  return true;
-}
-
 }  // namespace
 
 std::vector<VectorXd> OpenDirections(const Adjustment& adjustment, std::size_t part,
-                                     std::span<const SeenPiece> edges, const VectorXd& known, double gain,
+                                     std::span<const SeenShortEdge> edges, const VectorXd& known, double gain,
                                      const SeenPictures& pictures) {
   const AdjustedPart& p = adjustment.parts[part];
   std::vector<Eigen::Index> free;
@@ -108,7 +102,7 @@ std::vector<VectorXd> OpenDirections(const Adjustment& adjustment, std::size_t p
   const auto seen =
       AnalyseObservability(adjustment.DataInformation(static_cast<int>(part))(free, free), known_free, gain);
   const WorldSolid solid = PlaceSolid(p.object);
-  const auto tells = [&](const SeenPiece& edge, const VectorXd& step) {
+  const auto tells = [&](const SeenShortEdge& edge, const VectorXd& step) {
     const auto& s = edge.piece.sample;
     const View& view = pictures.views[edge.view];
     const Vector3d moved = s.point_in_world + SampleByState(solid, s) * step;
@@ -130,7 +124,7 @@ std::vector<VectorXd> OpenDirections(const Adjustment& adjustment, std::size_t p
 }
 
 std::optional<VectorXd> BestAlong(std::vector<AdjustedPart> parts, std::size_t part, const VectorXd& step,
-                                  std::span<const SeenPiece> edges, const SeenPictures& pictures) {
+                                  std::span<const SeenShortEdge> edges, const SeenPictures& pictures) {
   const auto windows = WindowsAround(edges, kSteps + kAroundPx, pictures);
   PlacedObject& object = parts[part].object;
   const VectorXd state = object.State();
@@ -139,7 +133,7 @@ std::optional<VectorXd> BestAlong(std::vector<AdjustedPart> parts, std::size_t p
   double most = kClear;
   for (int k = -kSteps; k <= kSteps; ++k) {
     object.SetState(state + k * step);
-    if (k == 0 || !InRange(object)) continue;
+    if (k == 0 || !InRange(object, 0)) continue;
     const std::vector<double> then = Unlikelihoods(parts, windows, pictures);
     std::map<std::size_t, double> of_picture;
     for (std::size_t w = 0; w < windows.size(); ++w) of_picture[windows[w].view] += now[w] - then[w];

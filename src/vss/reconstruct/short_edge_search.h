@@ -11,8 +11,8 @@
 
 namespace vss {
 
-// A short edge that a view shows, or a piece of a longer one.
-struct SeenPiece {
+// A short edge that a view shows.
+struct SeenShortEdge {
   std::size_t view = 0;
   ContourPiece piece;
 };
@@ -29,13 +29,14 @@ struct SeenPictures {
 // of, each as the step that moves no vertex by more than a pixel. `adjustment`: with its covariance, without
 // what short edges observed; `known`: of each unknown, beforehand.
 std::vector<Eigen::VectorXd> OpenDirections(const Adjustment& adjustment, std::size_t part,
-                                            std::span<const SeenPiece> edges, const Eigen::VectorXd& known,
-                                            double gain, const SeenPictures& pictures);
+                                            std::span<const SeenShortEdge> edges,
+                                            const Eigen::VectorXd& known, double gain,
+                                            const SeenPictures& pictures);
 
 // The state up to five steps either way at which the faces of all parts, each of one grey, explain the
 // pictures around `edges` of the part best; empty where none does so clearly better than the one it has.
 std::optional<Eigen::VectorXd> BestAlong(std::vector<AdjustedPart> parts, std::size_t part,
-                                         const Eigen::VectorXd& step, std::span<const SeenPiece> edges,
+                                         const Eigen::VectorXd& step, std::span<const SeenShortEdge> edges,
                                          const SeenPictures& pictures);
 
 }  // namespace vss

@@ -119,7 +119,7 @@ TEST_F(ShortEdges, GreysChooseTheLengthThatAShortEdgeTells) {
   const SeenPictures seen{views, pictures, states, kMmPerPx, 1};
   const AdjustedPart bar = Bar(34, 0);
   const std::vector<WorldSolid> solids{PlaceSolid(bar.object, false)};
-  std::vector<SeenPiece> edges;
+  std::vector<SeenShortEdge> edges;
   for (std::size_t v = 0; v < 2; ++v)
     for (auto& e :
          MeasureView(solids, std::vector<Occluders>(1), views[v], int(v), pictures[v], states[v], {})

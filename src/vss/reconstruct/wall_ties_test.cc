@@ -1,15 +1,14 @@
-// Parts that lie against each other, and cameras that stand elsewhere than was said.
+// Parts that lie against each other.
 #include <gtest/gtest.h>
 
 #include "vss/reconstruct/adjustment_scene.h"
-#include "vss/reconstruct/moved_cameras.h"
 
 namespace vss {
 namespace {
 
 using namespace test;
 
-// A slab beside another one, `gap_mm` from its end face; the length of the first is seen from one end only.
+// A slab beside another one, `gap_mm` from its end face.
 Scene SlabsWithGap(double gap_mm) {
   Scene scene;
   scene.parts.clear();
@@ -67,40 +66,6 @@ TEST(WallTies, FacesThatThePicturesShowApartAreNotTied) {
   a.ComputeCovariance();
   a.DropBrokenWalls(3);
   EXPECT_TRUE(a.walls.empty());
-}
-
-// Tilted and lowered by six sigmas of what was declared, while the other one hangs where it should: what is
-// level says which of the two it was.
-TEST(MovedCameras, OneThatWasKnockedIsNamedBesideOnesThatWereNot) {
-  const Scene scene;
-  std::mt19937 random(11);
-  Adjustment truth = scene.Make();
-  truth.cameras[0].value.head<3>() = Vector3d(3e-4, 0, 0);
-  truth.cameras[0].value.segment<3>(3) = Vector3d(0, 0, -0.6);
-  Adjustment a = scene.Make();
-  Observe(truth, 0.05, random, a.groups);
-  a.Solve(6, true);
-  ReleaseMovedCameras(a);
-  EXPECT_TRUE(a.cameras[0].loosened);
-  EXPECT_FALSE(a.cameras[1].loosened);
-}
-
-TEST(MovedCameras, NoneIsNamedWhereAllAreAsDeclared) {
-  const Scene scene;
-  constexpr int kRuns = 12;
-  std::mt19937 random(17);
-  int named = 0;
-  for (int run = 0; run < kRuns; ++run) {
-    Adjustment truth = scene.Make();
-    for (auto& c : truth.cameras) c.value = Draw(c.prior_covariance, random);
-    for (auto& s : truth.stops) s.value = Draw(Eigen::Matrix3d::Identity() * 0.15 * 0.15, random);
-    Adjustment a = scene.Make();
-    Observe(truth, 0.05, random, a.groups);
-    a.Solve(6, true);
-    ReleaseMovedCameras(a);
-    for (const auto& c : a.cameras) named += c.loosened;
-  }
-  EXPECT_EQ(named, 0);
 }
 
 }  // namespace
